@@ -1,0 +1,289 @@
+"""The face as a uniform bicubic B-spline surface (section 2.1, Eq. 1-5).
+
+Conventions
+-----------
+Parameters ``(u, v)`` run over the unit square, ``u`` to the right of the picture and
+``v`` **down**; the knots are the integers ``0 .. M+3`` and ``0 .. N+3``, so the valid
+knot interval is ``[3, M]`` (``[3, N]``) and ``t = 3 + u (M - 3)``.  Control points have
+shape ``(M, N, 3)``, first index ``u``.  Because ``v`` runs down, the normal that points
+out of the face is ``F_v x F_u`` (the paper's figure 3 has this order, its Eq. 3 the
+other).
+
+Deviations from the printed text
+--------------------------------
+"Degree 4 x 4" is *order* 4: the surface is bicubic (``M + 4`` knots, C2).  The printed
+derivative of Eq. 2 has the factor 4, the wrong knot spans and derivatives on both
+sides; the right one is ``N'_{m,4} = 3/(u_{m+3}-u_m) N_{m,3} - 3/(u_{m+4}-u_{m+1})
+N_{m+1,3}``, which is what the cardinal segment polynomials below differentiate to.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.interpolate import BSpline
+from scipy.spatial import cKDTree
+
+Array = NDArray[np.float64]
+
+# The four cubic pieces of the cardinal B-spline on one knot span, as polynomials of
+# the local coordinate x in [0, 1]: row = power of x, column = control point.
+_SEGMENT = (
+    np.array(
+        [
+            [1.0, 4.0, 1.0, 0.0],
+            [-3.0, 0.0, 3.0, 0.0],
+            [3.0, -6.0, 3.0, 0.0],
+            [-1.0, 3.0, -3.0, 1.0],
+        ]
+    )
+    / 6.0
+)
+
+
+def segment_basis(count: int, x: ArrayLike, order: int = 0) -> tuple[NDArray, Array]:
+    """Nonzero basis functions ``N_{m,4}`` (Eq. 1) or their derivatives.
+
+    Parameters
+    ----------
+    count : int
+        Number of control points in this direction, at least 4.
+    x : (p,) array
+        Parameters in [0, 1]; outside, the border polynomials are continued.
+    order : int
+        Derivative with respect to ``x``, 0 to 3.
+
+    Returns
+    -------
+    first : (p,) int array
+        Index of the first of the four control points.
+    values : (p, 4) array
+        Their coefficients.
+    """
+    if count < 4:
+        raise ValueError(
+            f"a cubic B-spline needs at least 4 control points, got {count}"
+        )
+    t = np.asarray(x, float).ravel() * (count - 3)
+    first = np.clip(np.floor(t), 0, count - 4).astype(np.int64)
+    local = t - first
+    powers = np.zeros((len(t), 4))
+    for k in range(order, 4):
+        # d^order/dx^order of x^k
+        factor = np.prod(np.arange(k - order + 1, k + 1)) if order else 1.0
+        powers[:, k] = factor * local ** (k - order)
+    return first, powers @ _SEGMENT * float(count - 3) ** order
+
+
+def basis_matrix(
+    shape: tuple[int, int], u: ArrayLike, v: ArrayLike, du: int = 0, dv: int = 0
+) -> sparse.csr_array:
+    """The coefficient matrices ``T, T1, T2, T11, T22, T12`` of Eq. 2 and 5.
+
+    Parameters
+    ----------
+    shape : (M, N)
+        Size of the control net.
+    u, v : (p,) arrays
+        Parameters in [0, 1].
+    du, dv : int
+        Order of the partial derivative: ``T`` (0, 0), ``T1`` (1, 0), ``T2`` (0, 1),
+        ``T11`` (2, 0), ``T22`` (0, 2), ``T12`` (1, 1).
+
+    Returns
+    -------
+    (p, M*N) sparse array
+        Acts on each coordinate of ``b.reshape(M*N, 3)``; the paper's matrix with three
+        rows a point is its Kronecker product with the 3 x 3 identity.
+    """
+    m, n = shape
+    iu, bu = segment_basis(m, u, du)
+    iv, bv = segment_basis(n, v, dv)
+    if len(iu) != len(iv):
+        raise ValueError(f"u and v differ in length: {len(iu)} and {len(iv)}")
+    rows = len(iu)
+    four = np.arange(4)
+    columns = (iu[:, None] + four)[:, :, None] * n + (iv[:, None] + four)[:, None, :]
+    data = bu[:, :, None] * bv[:, None, :]
+    return sparse.csr_array(
+        (data.ravel(), columns.ravel(), np.arange(rows + 1) * 16), shape=(rows, m * n)
+    )
+
+
+def grid_parameters(nu: int, nv: int) -> tuple[Array, Array]:
+    """Flattened ``(u, v)`` of a regular grid, ends included, index ``iu * nv + iv``."""
+    u, v = np.meshgrid(np.linspace(0, 1, nu), np.linspace(0, 1, nv), indexing="ij")
+    return u.ravel(), v.ravel()
+
+
+def grid_triangles(nu: int, nv: int) -> NDArray[np.int64]:
+    """Two triangles a grid cell, counter-clockwise seen from outside, ``(t, 3)``."""
+    a = (np.arange(nu - 1)[:, None] * nv + np.arange(nv - 1)).ravel()
+    b, c, d = a + nv, a + 1, a + nv + 1
+    return np.concatenate([np.stack([a, c, d], 1), np.stack([a, d, b], 1)])
+
+
+@dataclass(frozen=True)
+class BSplineSurface:
+    """Uniform bicubic B-spline surface ``F(u, v) = sum R_mn(u, v) b_mn`` (Eq. 1).
+
+    Parameters
+    ----------
+    control_points : (M, N, 3) array
+        ``b`` in millimetres; first index ``u``, second ``v`` (downwards).
+    """
+
+    control_points: Array = field()
+
+    def __post_init__(self) -> None:
+        b = np.array(self.control_points, float)
+        if b.ndim != 3 or b.shape[2] != 3 or min(b.shape[:2]) < 4:
+            raise ValueError(f"control points must be (M>=4, N>=4, 3), got {b.shape}")
+        if not np.isfinite(b).all():
+            raise ValueError("control points must be finite")
+        b.setflags(write=False)
+        object.__setattr__(self, "control_points", b)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Size ``(M, N)`` of the control net."""
+        return self.control_points.shape[0], self.control_points.shape[1]
+
+    @property
+    def vector(self) -> Array:
+        """Control points as ``(M*N, 3)``: what the basis matrices act on."""
+        return self.control_points.reshape(-1, 3)
+
+    def matrix(
+        self, u: ArrayLike, v: ArrayLike, du: int = 0, dv: int = 0
+    ) -> sparse.csr_array:
+        """Coefficient matrix at ``(u, v)``; see `basis_matrix`."""
+        return basis_matrix(self.shape, u, v, du, dv)
+
+    def evaluate(
+        self, u: ArrayLike, v: ArrayLike, du: int = 0, dv: int = 0
+    ) -> NDArray[np.float64]:
+        """Points or partial derivatives, ``(..., 3)`` for ``u, v`` of shape ``...``."""
+        u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
+        value = self.matrix(u, v, du, dv) @ self.vector
+        return value.reshape(*u.shape, 3)
+
+    def normals(self, u: ArrayLike, v: ArrayLike) -> Array:
+        """Unit normals out of the face (Eq. 3 for ``v`` running down), ``(..., 3)``."""
+        h = np.cross(self.evaluate(u, v, dv=1), self.evaluate(u, v, du=1))
+        return h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-12)
+
+    def grid(self, nu: int, nv: int) -> Array:
+        """Points on a regular parameter grid, ends included, ``(nu, nv, 3)``."""
+        return self.evaluate(*grid_parameters(nu, nv)).reshape(nu, nv, 3)
+
+    def transformed(
+        self, scale: float = 1.0, R: ArrayLike | None = None, t: ArrayLike = 0.0
+    ) -> BSplineSurface:
+        """The surface under ``x -> scale R x + t`` (affine invariance)."""
+        R = np.eye(3) if R is None else np.asarray(R, float)
+        return BSplineSurface(scale * self.control_points @ R.T + np.asarray(t, float))
+
+    def resampled(self, shape: tuple[int, int]) -> BSplineSurface:
+        """Least-squares surface with another number of control points.
+
+        Exact where the new knots contain the old ones (``M' - 3`` a multiple of
+        ``M - 3``).
+        """
+        b = self.control_points
+        for axis, count in enumerate(shape):
+            old = b.shape[axis]
+            if count == old:
+                continue
+            x = np.linspace(0, 1, 12 * max(count, old) + 1)
+            new = _dense_basis(count, x)
+            value = np.tensordot(_dense_basis(old, x), b, (1, axis))
+            solved = np.linalg.lstsq(new, value.reshape(len(x), -1), rcond=None)[0]
+            b = np.moveaxis(solved.reshape(count, *value.shape[1:]), 0, axis)
+        return BSplineSurface(b)
+
+    def clamped(self) -> tuple[Array, Array, Array]:
+        """The same surface with clamped knots on [0, 1], for CAD files.
+
+        Returns
+        -------
+        control_points : (M, N, 3) array
+        knots_u, knots_v : (M + 4,), (N + 4,) arrays
+
+        Notes
+        -----
+        Inserting the two end knots to multiplicity 4 and cutting off what lies outside
+        is exact and keeps the number of control points.
+        """
+        b = self.control_points
+        knots = []
+        for axis in (0, 1):
+            count = b.shape[axis]
+            spline = BSpline(np.arange(count + 4.0), np.moveaxis(b, axis, 0), 3)
+            for end in (3.0, float(count)):
+                spline = spline.insert_knot(end, 3)
+            keep = slice(3, 3 + count + 4)
+            b = np.moveaxis(np.asarray(spline.c)[3 : 3 + count], 0, axis)
+            knots.append((np.asarray(spline.t)[keep] - 3) / (count - 3))
+        return b, knots[0], knots[1]
+
+    def closest_point(
+        self, points: ArrayLike, iterations: int = 20
+    ) -> tuple[Array, Array]:
+        """Parameters and distance of the surface points closest to ``points``.
+
+        Starts at the nearest vertex of a dense grid and takes damped Gauss-Newton steps
+        in the tangent plane, kept inside the unit square.
+
+        Parameters
+        ----------
+        points : (p, 3) array
+
+        Returns
+        -------
+        uv : (p, 2) array
+        distance : (p,) array
+        """
+        q = np.asarray(points, float).reshape(-1, 3)
+        nu, nv = (4 * (c - 3) + 1 for c in self.shape)
+        u, v = grid_parameters(nu, nv)
+        _, nearest = cKDTree(self.evaluate(u, v)).query(q)
+        uv = np.stack([u[nearest], v[nearest]], 1)
+        best = np.linalg.norm(self.evaluate(*uv.T) - q, axis=1)
+        step = np.ones(len(q))
+        for _ in range(iterations):
+            r = q - self.evaluate(*uv.T)
+            fu, fv = self.evaluate(*uv.T, du=1), self.evaluate(*uv.T, dv=1)
+            e, f, g = (fu * fu).sum(1), (fu * fv).sum(1), (fv * fv).sum(1)
+            a, b = (r * fu).sum(1), (r * fv).sum(1)
+            det = np.maximum(e * g - f * f, 1e-12 * np.maximum(e * g, 1e-30))
+            move = np.stack([(g * a - f * b) / det, (e * b - f * a) / det], 1)
+            trial = np.clip(uv + step[:, None] * move, 0, 1)
+            d = np.linalg.norm(self.evaluate(*trial.T) - q, axis=1)
+            better = d < best
+            uv[better], best[better] = trial[better], d[better]
+            step = np.where(better, np.minimum(1.0, 2 * step), step / 2)
+            if not better.any() and step.max() < 1e-3:
+                break
+        return uv, best
+
+    def signed_distance(self, points: ArrayLike) -> Array:
+        """Distance to the surface, ``(p,)``: positive outside (in front), negative in.
+
+        The surface is a sheet, not a closed solid: the side is that of the outward
+        normal at the closest point.
+        """
+        q = np.asarray(points, float).reshape(-1, 3)
+        uv, distance = self.closest_point(q)
+        offset = ((q - self.evaluate(*uv.T)) * self.normals(*uv.T)).sum(1)
+        return np.where(offset < 0, -distance, distance)
+
+
+def _dense_basis(count: int, x: Array) -> Array:
+    first, value = segment_basis(count, x)
+    dense = np.zeros((len(x), count))
+    np.put_along_axis(dense, first[:, None] + np.arange(4), value, 1)
+    return dense
