@@ -1,0 +1,1 @@
+"""Photos of one person in, a B-spline surface of the face out."""

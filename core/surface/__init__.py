@@ -1,0 +1,1 @@
+"""Ground floor: what a face is."""
