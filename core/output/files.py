@@ -1,0 +1,78 @@
+"""Writing a file so that a reader never sees half of it.
+
+Every writer of this package writes to a temporary name in the target's own
+folder (a rename is atomic only inside one file system) and moves the finished
+file into place.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..errors import ReconstructionError
+
+
+@contextlib.contextmanager
+def replacing(path: str | os.PathLike) -> Iterator[Path]:
+    """Give a temporary name beside ``path``; move it to ``path`` on success.
+
+    Parameters
+    ----------
+    path : path-like
+        Where the finished file is to stand. Its folder is made when missing.
+
+    Yields
+    ------
+    Path
+        A name in the same folder with the same ending. On an exception inside
+        the block the temporary file is removed and ``path`` stays as it was.
+
+    Raises
+    ------
+    ReconstructionError
+        When the folder or the file cannot be written.
+    """
+    target = Path(path)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(
+            prefix=f".{target.stem[:40]}-", suffix=target.suffix, dir=target.parent
+        )
+    except OSError as error:
+        raise ReconstructionError(
+            f"{target}: cannot be written ({error.strerror}); choose another folder."
+        ) from error
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        # mkstemp makes files private to the user; give the usual permissions.
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask)
+        yield temporary
+        os.replace(temporary, target)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise ReconstructionError(
+            f"{target}: cannot be written ({error.strerror or error}); "
+            "check the free space and the permissions of its folder."
+        ) from error
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def write_bytes(path: str | os.PathLike, content: bytes) -> Path:
+    """Write ``content`` to ``path`` in one step; see :func:`replacing`."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+    return Path(path)
+
+
+def write_text(path: str | os.PathLike, content: str) -> Path:
+    """Write ``content`` as UTF-8 with ``\\n`` line ends; see :func:`replacing`."""
+    return write_bytes(path, content.encode("utf-8"))
