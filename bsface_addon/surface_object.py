@@ -1,0 +1,276 @@
+"""Control points <-> Blender SURFACE object.
+
+The only file that knows how Blender stores a NURBS surface: spline points in the
+order ``points[v * U + u]`` (u fastest), float32, homogeneous.  With order 4 and
+*Endpoint* off, Blender's surface is the uniform bicubic B-spline of the paper
+(section 2.1) without any knot conversion.
+
+The local coordinates of the object are the core's control points in millimetres,
+rounded to float32 and nothing else; standing up and life size are the business of
+the object's matrix (`upright`), so reading back returns what was written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+ORDER = 4
+RESOLUTION = 4
+METRES_PER_MM = 0.001
+
+
+def upright(context, scale=1.0):
+    """Matrix that takes the core's axes and millimetres to the scene.
+
+    The core's y (up) becomes Blender's z, its z (towards the camera) Blender's
+    -y, so the face looks at Blender's front view.  One unit is one metre unless
+    the scene's unit scale says otherwise.
+
+    Parameters
+    ----------
+    scale : float
+        1 is life size (eyes 0.062 m apart).
+    """
+    unit = scale * METRES_PER_MM / context.scene.unit_settings.scale_length
+    return Matrix.Rotation(math.pi / 2, 4, "X") @ Matrix.Scale(unit, 4)
+
+
+def is_surface(obj):
+    """Whether ``obj`` is one bicubic NURBS surface patch that `read` can read."""
+    if obj is None or obj.type != "SURFACE" or len(obj.data.splines) != 1:
+        return False
+    spline = obj.data.splines[0]
+    return (
+        spline.point_count_u >= ORDER
+        and spline.point_count_v >= ORDER
+        and spline.order_u == spline.order_v == ORDER
+    )
+
+
+def create(context, name, control_points):
+    """Make a SURFACE object; it is linked to the scene's root collection.
+
+    Parameters
+    ----------
+    control_points : (M, N, 3) array
+        Millimetres, core axes; first index u (to the picture's right), second v
+        (down).
+
+    Returns
+    -------
+    bpy.types.Object
+        With the identity matrix, shaded smooth, not selected.
+    """
+    points = _checked(control_points)
+    with object_mode(context):
+        curve = _grid(context, name, points.shape[0], points.shape[1])
+    obj = bpy.data.objects.new(name, curve)
+    context.scene.collection.objects.link(obj)
+    _store(obj, points)
+    return obj
+
+
+def write(context, obj, control_points):
+    """Give ``obj`` new control points.
+
+    With the same numbers of control points the coordinates are overwritten in
+    place (modifiers, materials and animation stay); otherwise the object gets new
+    curve data with the old materials and resolution, and its shape keys go.
+
+    Parameters
+    ----------
+    control_points : (M, N, 3) array
+        As in `create`.
+    """
+    points = _checked(control_points)
+    if not is_surface(obj):
+        raise ValueError(f"{obj.name} is not a bicubic NURBS surface")
+    if shape(obj) != points.shape[:2]:
+        _replace_data(context, obj, points.shape[0], points.shape[1])
+    _store(obj, points)
+
+
+def read(obj, key=None):
+    """Control points of ``obj`` as the artist left them.
+
+    Parameters
+    ----------
+    key : str, optional
+        Name of a shape key; by default the basis key, or the surface itself
+        where it has no keys.
+
+    Returns
+    -------
+    (M, N, 3) float64 array
+        Local coordinates, that is the core's millimetres.
+    """
+    if not is_surface(obj):
+        raise ValueError(f"{obj.name} is not a bicubic NURBS surface")
+    obj.update_from_editmode()
+    m, n = shape(obj)
+    keys = obj.data.shape_keys
+    if keys is not None:
+        block = keys.key_blocks[key] if key else keys.reference_key
+        flat = np.empty(m * n * 3, np.float32)
+        block.data.foreach_get("co", flat)
+        stored = flat.reshape(n, m, 3)
+    else:
+        flat = np.empty(m * n * 4, np.float32)
+        obj.data.splines[0].points.foreach_get("co", flat)
+        stored = flat.reshape(n, m, 4)[..., :3]
+    return np.ascontiguousarray(stored.transpose(1, 0, 2), dtype=np.float64)
+
+
+def shape(obj):
+    """Numbers of control points (M, N)."""
+    spline = obj.data.splines[0]
+    return spline.point_count_u, spline.point_count_v
+
+
+def selected(obj):
+    """Which control points are selected in edit mode, (M, N) bool array."""
+    obj.update_from_editmode()
+    m, n = shape(obj)
+    flat = np.empty(m * n, bool)
+    obj.data.splines[0].points.foreach_get("select", flat)
+    return flat.reshape(n, m).T.copy()
+
+
+def add_shape_key(obj, name, control_points):
+    """Add or overwrite a shape key; makes the basis key first where there is none.
+
+    Parameters
+    ----------
+    control_points : (M, N, 3) array
+        The shape at value 1, in the object's local millimetres.
+    """
+    points = _checked(control_points)
+    if shape(obj) != points.shape[:2]:
+        raise ValueError("a shape key needs as many control points as its object")
+    if obj.data.shape_keys is None:
+        obj.shape_key_add(name="Neutral", from_mix=False)
+    blocks = obj.data.shape_keys.key_blocks
+    block = blocks.get(name) or obj.shape_key_add(name=name, from_mix=False)
+    block.data.foreach_set("co", points.transpose(1, 0, 2).ravel())
+    obj.data.update_tag()
+    return block
+
+
+def set_resolution(obj, steps):
+    """Evaluated quads per control point, both ways."""
+    obj.data.resolution_u = obj.data.resolution_v = steps
+    obj.data.render_resolution_u = obj.data.render_resolution_v = 0
+
+
+@contextlib.contextmanager
+def object_mode(context):
+    """Inside: object mode and nothing selected; afterwards as it was before."""
+    layer = context.view_layer
+    active, mode = layer.objects.active, "OBJECT"
+    if active is not None:
+        mode = active.mode
+        if mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+    chosen = [obj for obj in layer.objects if obj.select_get()]
+    for obj in chosen:
+        obj.select_set(False)
+    try:
+        yield
+    finally:
+        layer.update()
+        for obj in chosen:
+            obj.select_set(True)
+        layer.objects.active = active
+        if active is not None and active.mode != mode:
+            bpy.ops.object.mode_set(mode=mode)
+
+
+def _checked(control_points):
+    points = np.asarray(control_points, np.float64)
+    if points.ndim != 3 or points.shape[2] != 3 or min(points.shape[:2]) < ORDER:
+        raise ValueError(
+            f"control points must be an (M, N, 3) array with M and N of at least "
+            f"{ORDER}, got shape {points.shape}"
+        )
+    if not np.isfinite(points).all():
+        raise ValueError("control points must be finite numbers")
+    return points.astype(np.float32)
+
+
+def _grid(context, name, count_u, count_v):
+    """SURFACE curve data with ``count_u`` x ``count_v`` points.
+
+    Blender has no call for this.  ``make_segment`` joins selected rows into a
+    patch; it orders them by geometry, hence rows on a regular dummy grid.
+    Must run in object mode with nothing selected.
+    """
+    curve = bpy.data.curves.new(name, "SURFACE")
+    maker = bpy.data.objects.new(name, curve)
+    context.scene.collection.objects.link(maker)
+    try:
+        for row in range(count_u):
+            spline = curve.splines.new("NURBS")
+            spline.points.add(count_v - 1)
+            line = np.ones((count_v, 4), np.float32)
+            line[:, 0], line[:, 1], line[:, 2] = row, np.arange(count_v), 0.0
+            spline.points.foreach_set("co", line.ravel())
+        context.view_layer.objects.active = maker
+        maker.select_set(True)
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.curve.select_all(action="SELECT")
+        bpy.ops.curve.make_segment()
+        bpy.ops.object.mode_set(mode="OBJECT")
+        spline = curve.splines[0]
+        made = (len(curve.splines), spline.point_count_u, spline.point_count_v)
+        if made != (1, count_u, count_v):
+            raise RuntimeError(
+                f"Blender made {made} instead of one {count_u} x {count_v} patch"
+            )
+    except BaseException:
+        bpy.data.objects.remove(maker)
+        bpy.data.curves.remove(curve)
+        raise
+    bpy.data.objects.remove(maker)
+    spline.order_u = spline.order_v = ORDER
+    for flag in ("endpoint", "cyclic", "bezier"):
+        setattr(spline, f"use_{flag}_u", False)
+        setattr(spline, f"use_{flag}_v", False)
+    spline.use_smooth = True
+    # Making the patch left its points selected, and Refit asks what the artist chose.
+    spline.points.foreach_set("select", np.zeros(count_u * count_v, bool))
+    curve.resolution_u = curve.resolution_v = RESOLUTION
+    return curve
+
+
+def _replace_data(context, obj, count_u, count_v):
+    old = obj.data
+    with object_mode(context):
+        new = _grid(context, old.name, count_u, count_v)
+    for material in old.materials:
+        new.materials.append(material)
+    new.resolution_u, new.resolution_v = old.resolution_u, old.resolution_v
+    name = old.name
+    obj.data = new
+    if old.users == 0:
+        bpy.data.curves.remove(old)
+        new.name = name
+
+
+def _store(obj, points):
+    """Write float32 points in Blender's order; shape keys hold them if present."""
+    stored = points.transpose(1, 0, 2)
+    curve = obj.data
+    in_edit_mode = obj.mode == "EDIT"
+    if in_edit_mode:
+        raise ValueError(f"leave edit mode of {obj.name} first")
+    homogeneous = np.ones((*stored.shape[:2], 4), np.float32)
+    homogeneous[..., :3] = stored
+    curve.splines[0].points.foreach_set("co", homogeneous.ravel())
+    if curve.shape_keys is not None:
+        curve.shape_keys.reference_key.data.foreach_set("co", stored.ravel())
+    curve.update_tag()
