@@ -73,7 +73,7 @@ def normal_equations(blocks: Sequence[Block]) -> tuple[sparse.csc_array, Array]:
     """``sum w A^T A`` and ``sum w A^T y`` of the stacked blocks."""
     if not blocks:
         raise ValueError("a least-squares problem needs at least one block")
-    _, n = np.shape(blocks[0].matrix)
+    n = blocks[0].matrix.shape[1]  # pyright: ignore[reportOptionalSubscript]
     matrix = sparse.csc_array((n, n))
     right: Array | float = 0.0
     for k, block in enumerate(blocks):
