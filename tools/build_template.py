@@ -1,0 +1,323 @@
+#!/usr/bin/env python3
+"""Builds ``core/data/template.npz``: the template face and how faces vary about it.
+
+    python tools/build_template.py --source ../shared/template --output core/data
+    python tools/build_template.py --mesh HEAD.obj --landmarks HEAD.json -o MY.npz
+
+What goes in (all CC0): the average MakeHuman head with its parametrisation and the
+landmark positions as the detector sees them (``--source``), and MakeHuman's morph
+targets, taken out of the wheel ``makehuman`` 1.3.2 of the Python package index (pinned
+by its hash; ``--targets`` names a copy).
+
+What comes out:
+
+* control points ``b_t`` of a uniform bicubic B-spline, least squares on the patch;
+* the (u, v), free 3D position, weight and mirror partner of each landmark;
+* the outline of the face in (u, v);
+* identity modes: principal components of control-point displacements over random
+  mixtures of the morph targets, each with its standard deviation;
+* expression modes: the same for mixtures of expression units.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import io
+import json
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+ROOT = Path(__file__).resolve().parents[1]
+WHEEL = "makehuman-1.3.2-py3-none-any.whl"
+WHEEL_SHA256 = "384f0553a66659be95ff05b7c2d2d837376062f1d525dbd8920b029c4c6fa85e"
+MILLIMETRES = 0.1  # targets hold thousandths of a decimetre
+BENDING = 1e-8  # of the control net, relative to the mean squared residual in mm^2
+IDENTITY_MODES, EXPRESSION_MODES, SAMPLES = 80, 24, 4000
+
+
+def fetch_targets(path: Path | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Morph targets by name: vertex indices of the base mesh, displacements in mm."""
+    if path is None:
+        folder = Path(tempfile.mkdtemp())
+        command = [sys.executable, "-m", "pip", "download", "--no-deps", "-q"]
+        subprocess.run([*command, "makehuman==1.3.2", "-d", str(folder)], check=True)
+        path = folder / WHEEL
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if digest != WHEEL_SHA256:
+        sys.exit(f"{path}: unexpected content (sha256 {digest}); fetch {WHEEL} again.")
+    data = zipfile.ZipFile(path).read("makehuman/data/targets.npz")
+    z = np.load(io.BytesIO(data), allow_pickle=False)
+    names = [k[8:-6] for k in z.files if k.endswith(".index")]
+    return {
+        k: (
+            z[f"targets/{k}.index"].astype(int),
+            z[f"targets/{k}.vector"].astype(float) * MILLIMETRES,
+        )
+        for k in names
+    }
+
+
+def triangle_samples(uv: np.ndarray, tri: np.ndarray, per_edge: int = 4):
+    """Barycentric sample points of all triangles: sparse interpolation, (u, v)."""
+    k = (np.arange(per_edge) + 1 / 3) / per_edge
+    a, b = np.meshgrid(k, k, indexing="ij")
+    keep = a + b < 1
+    bary = np.stack([a[keep], b[keep], 1 - a[keep] - b[keep]], 1)
+    rows = np.arange(len(tri) * len(bary)).repeat(3)
+    columns = np.repeat(tri[:, None, :], len(bary), 1).ravel()
+    data = np.tile(bary, (len(tri), 1, 1)).ravel()
+    S = sparse.csr_array((data, (rows, columns)), shape=(rows[-1] + 1, len(uv)))
+    return S, S @ uv, len(bary)
+
+
+def fit_operator(shape, S, uv, weight, bending):
+    """Matrix that fits control points (Eq. 5) to values at the patch vertices."""
+    sys.path.insert(0, str(ROOT))
+    from core.surface.bspline import basis_matrix
+    from core.surface.bending import bending_matrix
+
+    T = basis_matrix(shape, *uv.T)
+    W = sparse.diags_array(weight / weight.sum())
+    normal = T.T @ W @ T + bending * bending_matrix(shape)
+    solve = splu(sparse.csc_array(normal), permc_spec="MMD_AT_PLUS_A").solve
+    return solve((T.T @ W @ S).toarray())
+
+
+def fill(triangles, count, known, values):
+    """Harmonic interpolation of ``values`` at the vertices ``known`` to the mesh."""
+    e = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    A = sparse.coo_array((np.ones(len(e)), (e[:, 0], e[:, 1])), shape=(count, count))
+    A = ((A + A.T) > 0).astype(float).tocsr()
+    L = sparse.diags_array(np.asarray(A.sum(1)).ravel()) - A
+    L = sparse.csr_array(L)
+    free = np.setdiff1d(np.arange(count), known)
+    solve = splu(sparse.csc_array(L[free][:, free])).solve
+    out = np.zeros((count, values.shape[1]))
+    out[known] = values
+    out[free] = solve(-(L[free][:, known] @ values))
+    return out
+
+
+class Morphs:
+    """Displacements of the patch vertices by morph targets, from the average head."""
+
+    def __init__(self, targets, patch_head_index, base_vertex_index, triangles):
+        head = patch_head_index
+        base = np.where(head >= 0, base_vertex_index[np.maximum(head, 0)], -1)
+        self.known = np.flatnonzero(base >= 0)
+        self.base = base[self.known]
+        self.targets, self.triangles, self.count = targets, triangles, len(head)
+        self.cache: dict[str, np.ndarray] = {}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """(vertices, 3) displacement in mm."""
+        if name not in self.cache:
+            index, vector = self.targets[name]
+            dense = np.zeros((max(self.base.max(), index.max(initial=0)) + 1, 3))
+            dense[index] = vector
+            self.cache[name] = fill(
+                self.triangles, self.count, self.known, dense[self.base]
+            )
+        return self.cache[name]
+
+    def names(self, *groups: str) -> list[str]:
+        return sorted(k for k in self.targets if k.split("/")[0] in groups)
+
+
+OPPOSITES = [
+    ("decr", "incr"), ("down", "up"), ("in", "out"), ("backward", "forward"),
+    ("compress", "uncompress"), ("concave", "convex"), ("1-l", "1-r"), ("2-l", "2-r"),
+    ("3-l", "3-r"), ("4-l", "4-r"), ("5-l", "5-r"), ("6-l", "6-r"), ("7-l", "7-r"),
+    ("8-l", "8-r"),
+]  # fmt: skip
+
+
+def axes(names: list[str]) -> list[tuple[str, str | None]]:
+    """Pairs of opposite targets; a target without opposite stands alone."""
+    left = set(names)
+    out: list[tuple[str, str | None]] = []
+    for name in names:
+        if name not in left:
+            continue
+        left.discard(name)
+        partner = None
+        for a, b in OPPOSITES:
+            if name.endswith("-" + a) and name[: -len(a)] + b in left:
+                partner = name[: -len(a)] + b
+                left.discard(partner)
+                break
+        out.append((name, partner))
+    return out
+
+
+def sample_identities(morphs: Morphs, rng, count: int):
+    """Random faces as displacements of the patch vertices, (count, vertices, 3)."""
+    macro = "macrodetails/"
+    body = "macrodetails/universal-{}-{}-averagemuscle-{}"
+    mean = sum(
+        morphs[f"{macro}{r}-{g}-young"] / 6
+        for r in ("african", "asian", "caucasian")
+        for g in ("female", "male")
+    ) + sum(
+        morphs[body.format(g, "young", "averageweight")] / 2 for g in ("female", "male")
+    )
+    pairs = axes(
+        morphs.names(
+            "head", "forehead", "nose", "eyes", "cheek", "mouth", "chin", "eyebrows", "asym"
+        )
+        + ["neck/neck-double-decr", "neck/neck-double-incr"]
+    )
+    pairs = [p for p in pairs if "-ear-" not in p[0] and "head-trans" not in p[0]]
+    for _ in range(count):
+        race = rng.dirichlet([0.6] * 3)
+        male, old = rng.beta(0.6, 0.6), rng.beta(0.6, 1.6)
+        fat = rng.normal(0, 0.35)
+        d = -mean
+        for g, wg in (("female", 1 - male), ("male", male)):
+            for a, wa in (("young", 1 - old), ("old", old)):
+                for r, wr in zip(("african", "asian", "caucasian"), race, strict=True):
+                    d = d + wg * wa * wr * morphs[f"{macro}{r}-{g}-{a}"]
+                w = "maxweight" if fat > 0 else "minweight"
+                d = d + wg * wa * (
+                    (1 - abs(fat)) * morphs[body.format(g, a, "averageweight")]
+                    + abs(fat) * morphs[body.format(g, a, w)]
+                )
+        shared: dict[str, float] = {}
+        for a, b in pairs:
+            spread = 0.12 if a.startswith("asym") else 0.30
+            side = a.split("/")[1]
+            key = side[2:] if side[:2] in ("l-", "r-") else side
+            # left and right of a face vary together, up to a small asymmetry
+            c = shared.setdefault(key, rng.normal(0, spread))
+            c = float(np.clip(c + rng.normal(0, 0.05), -1, 1))
+            name = b if c > 0 else a
+            if name is not None:
+                d = d + abs(c) * morphs[name]
+        yield d
+
+
+def sample_expressions(morphs: Morphs, rng, count: int):
+    """Random expressions of the average face, (count, vertices, 3)."""
+    names = [k for k in morphs.targets if k.startswith("expression/units/caucasian/")]
+    names = sorted(k for k in names if "neck-" not in k)
+    for _ in range(count):
+        d = np.zeros((morphs.count, 3))
+        active = rng.random(len(names)) < 0.15
+        shared: dict[str, float] = {}
+        for k, on in zip(names, active, strict=True):
+            key = k.replace("-left", "").replace("-right", "")
+            if "-right" in k and key in shared:
+                c = max(shared[key] + rng.normal(0, 0.1), 0.0)
+            else:
+                c = rng.uniform(0, 1) * on
+            shared[key] = c
+            if c > 0:
+                d = d + c * morphs[k]
+        yield d
+
+
+def aligned(x: np.ndarray, target: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """``x`` moved onto ``target`` by the best similarity (Umeyama 1991)."""
+    a, b = w @ x, w @ target
+    u, s, vt = np.linalg.svd(((target - b) * w[:, None]).T @ (x - a))
+    sign = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+    R = (u * sign) @ vt
+    scale = (s * sign).sum() / (w @ ((x - a) ** 2).sum(1))
+    return scale * (x - a) @ R.T + b
+
+
+def modes(displacements: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Principal components of (samples, M*N*3): modes (count, M*N*3) scaled to
+    one standard deviation, and that share of the variance which they hold."""
+    _, s, vt = np.linalg.svd(displacements, full_matrices=False)
+    s /= np.sqrt(len(displacements))
+    return vt[:count] * s[:count, None], (s[:count] ** 2).sum() / (s**2).sum()
+
+
+def vertex_areas(vertices, triangles):
+    p = vertices[triangles]
+    area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) / 2
+    return area, np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(vertices))
+
+
+def build(source: Path, targets: Path | None, shape=(40, 40)) -> dict[str, np.ndarray]:
+    head = np.load(source / "mean_head.npz", allow_pickle=False)
+    param = np.load(source / "uv_param.npz", allow_pickle=False)
+    marks = np.load(source / "landmarks468.npz", allow_pickle=False)
+    sets = json.loads((source / "landmark_sets.json").read_text())
+    V = param["patch_vertices"].astype(float)
+    tri = param["patch_triangles"].astype(int)
+    kind = param["patch_kind"]
+    S, uv, repeat = triangle_samples(param["patch_uv"].astype(float), tri)
+    area, vertex_area = vertex_areas(V, tri)
+    weight = np.repeat(area * np.where(kind == 0, 1.0, 0.1), repeat) + 1e-9
+    # The crease between the lips is rounded on purpose: a bicubic patch with this net
+    # rings when it must follow it.
+    lips = np.unique(tri[kind == 2])
+    near = np.linalg.norm(V[:, None] - V[lips][None, ::8], axis=2).min(1) < 4.0
+    weight *= np.where(S @ near.astype(float) > 0.5, 0.1, 1.0)
+    fit = fit_operator(shape, S, uv, weight, BENDING)
+    b = fit @ V
+
+    morphs = Morphs(
+        fetch_targets(targets),
+        param["patch_head_index"],
+        head["base_vertex_index"],
+        tri,
+    )
+    rng = np.random.default_rng(20261120)
+    w = vertex_area / vertex_area.sum()
+    faces = np.stack(
+        [
+            (fit @ (aligned(V + d, V, w) - V)).ravel()
+            for d in sample_identities(morphs, rng, SAMPLES)
+        ]
+    )
+    identity, held = modes(faces, IDENTITY_MODES)
+    print(f"identity: {IDENTITY_MODES} modes hold {held:.2%} of the variance")
+    moves = np.stack(
+        [(fit @ d).ravel() for d in sample_expressions(morphs, rng, SAMPLES // 2)]
+    )
+    expression, held = modes(moves, EXPRESSION_MODES)
+    print(f"expression: {EXPRESSION_MODES} modes hold {held:.2%} of the variance")
+    f16 = lambda x: x.reshape(len(x), *shape, 3).astype(np.float16)  # noqa: E731
+    return {
+        "control_points": b.reshape(*shape, 3),
+        "landmark_uv": marks["uv"],
+        "landmark_xyz": marks["xyz_free"],
+        "landmark_sigma": marks["spread_mm"].astype(float),
+        "landmark_free_sigma": marks["free_rms_mm"].astype(float),
+        "landmark_reliable": marks["reliable"] & marks["inside_uv"],
+        "landmark_class": marks["class"],
+        "landmark_mirror": marks["mirror"].astype(np.int64),
+        "scheme_68": np.array([x["index"] for x in sets["set68"]]),
+        "scheme_40": np.array([x["index"] for x in sets["set40"]]),
+        "outline_uv": param["patch_uv"][param["patch_boundary"]].astype(float),
+        "eye_centres": head["eye_centres"],
+        "identity_modes": f16(identity),
+        "expression_modes": f16(expression),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--source", type=Path, required=True)
+    parser.add_argument("--targets", type=Path, help=f"a copy of {WHEEL}")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "core/data")
+    a = parser.parse_args()
+    arrays = build(a.source, a.targets)
+    np.savez_compressed(a.output / "template.npz", **arrays)
+    size = (a.output / "template.npz").stat().st_size
+    print(f"wrote {a.output / 'template.npz'} ({size / 1024:.0f} KiB)")
+
+
+if __name__ == "__main__":
+    main()
