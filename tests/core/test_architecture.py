@@ -1,0 +1,146 @@
+"""The house rules that a reader relies on: what core needs, which way imports go."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CORE = ROOT / "core"
+ADDON = ROOT / "bsface_addon"
+
+# A module may import from its own floor and from those below. The ground under
+# the floors holds what everybody speaks: errors, settings, progress.
+GROUND = {"errors", "settings", "progress"}
+FLOORS = ["surface", "evidence", "solve", "output", "reconstruct"]
+# May import everything: the doors by which a user comes in.
+FRONT_DOORS = {"__init__", "__main__", "output.batch"}
+
+
+def modules() -> dict[str, Path]:
+    """Dotted name below core/ -> file; a package is named as its folder."""
+    found = {}
+    for path in sorted(CORE.rglob("*.py")):
+        parts = list(path.relative_to(CORE).with_suffix("").parts)
+        if len(parts) > 1 and parts[-1] == "__init__":
+            parts.pop()
+        found[".".join(parts)] = path
+    return found
+
+
+def imported(name: str, path: Path):
+    """Dotted names below core/ that a module imports relatively."""
+    package = name.split(".")
+    if path.name != "__init__.py" or name == "__init__":
+        package = package[:-1]
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if not isinstance(node, ast.ImportFrom) or node.level == 0:
+            continue
+        base = package[: len(package) - (node.level - 1)]
+        if node.module:
+            yield ".".join([*base, node.module])
+        else:
+            yield from (".".join([*base, alias.name]) for alias in node.names)
+
+
+def absolute_imports(path: Path):
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield node.module.split(".")[0]
+
+
+def floor(name: str) -> int:
+    """0 for the ground, 1 for surface, ..."""
+    first = name.split(".")[0]
+    if first in GROUND:
+        return 0
+    assert first in FLOORS, f"core/{first} has no floor: name it in this test"
+    return 1 + FLOORS.index(first)
+
+
+@pytest.mark.parametrize("name", [n for n in modules() if n not in FRONT_DOORS])
+def test_imports_point_down(name):
+    above = [
+        other
+        for other in imported(name, modules()[name])
+        if other in FRONT_DOORS or floor(other) > floor(name)
+    ]
+    assert not above, f"core/{name} imports {above} from a floor above its own"
+
+
+@pytest.mark.parametrize("path", modules().values(), ids=modules().keys())
+def test_core_imports_its_own_parts_relatively_and_never_blender(path):
+    """core is `bsface` when installed and a subpackage in Blender's extension."""
+    forbidden = {"bsface", "core", "bsface_addon", "bpy", "bmesh", "mathutils"}
+    assert not forbidden & set(absolute_imports(path))
+
+
+@pytest.mark.parametrize(
+    "path", sorted(ADDON.rglob("*.py")), ids=lambda p: str(p.relative_to(ADDON))
+)
+def test_addon_imports_its_own_parts_relatively(path):
+    if path.name == "headless.py":
+        pytest.skip("a script that Blender starts by its path, outside any package")
+    assert not {"bsface", "core", "bsface_addon"} & set(absolute_imports(path))
+
+
+@pytest.mark.parametrize("name", [n for n in modules() if n != "__main__"])
+def test_library_does_not_print(name):
+    tree = ast.parse(modules()[name].read_text("utf-8"))
+    calls = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    printed = [f.lineno for f in calls if isinstance(f, ast.Name) and f.id == "print"]
+    assert not printed, f"core/{name} prints in lines {printed}; log instead"
+
+
+def test_core_imports_without_blender_and_without_the_extras():
+    program = """
+import importlib, pkgutil, sys
+blocked = {"bpy", "bmesh", "mathutils", "rhino3dm", "dask", "distributed",
+           "matplotlib", "PIL"}
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in blocked:
+            raise ImportError(name + " is blocked")
+sys.meta_path.insert(0, Blocker())
+import bsface
+names = [m.name for m in pkgutil.walk_packages(bsface.__path__, "bsface.")]
+for name in names:
+    importlib.import_module(name)
+assert len(names) > 5, names
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=300
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_every_package_of_core_is_installed():
+    """pyproject.toml lists the packages by hand; one left out breaks an install."""
+    import tomllib
+
+    config = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    listed = set(config["tool"]["setuptools"]["packages"])
+    present = {
+        ".".join(["bsface", *path.parent.relative_to(CORE).parts])
+        for path in CORE.rglob("__init__.py")
+    }
+    assert listed == present
+
+
+def test_checkout_imports_without_blender():
+    """The root package is lazy: reading it must not need bpy."""
+    if not ROOT.name.isidentifier():
+        pytest.skip(f"the checkout's folder {ROOT.name!r} is not a Python name")
+    program = "import sys; import {0}; assert 'bpy' not in sys.modules"
+    run = subprocess.run(
+        [sys.executable, "-c", program.format(ROOT.name)],
+        cwd=ROOT.parent,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert run.returncode == 0, run.stderr
