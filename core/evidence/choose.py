@@ -1,0 +1,80 @@
+"""Which of several faces in a photo is the folder's person."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import PhotoFailure
+
+if TYPE_CHECKING:
+    from .gather import Candidate
+
+# What counts as one step away: half as large again, a fifth of the picture aside.
+SIZE_STEP = 0.4
+PLACE_STEP = 0.2
+
+
+def choose_faces(
+    outcome: Sequence[tuple[Candidate, ...] | PhotoFailure],
+) -> list[Candidate | PhotoFailure]:
+    """One face a photo: the one whose size and place fit the folder best.
+
+    The folder's usual size and place of the face, both relative to the picture,
+    are the medians over the photos that show one face only. Without such photos
+    the largest face is taken. The choice is told in the landmarks' note.
+
+    Parameters
+    ----------
+    outcome : sequence of tuples of Candidate, or PhotoFailure
+
+    Returns
+    -------
+    list of Candidate or PhotoFailure
+        In the order given.
+    """
+    single = [
+        _place(faces[0])
+        for faces in outcome
+        if not isinstance(faces, PhotoFailure) and faces[0].landmarks.faces == 1
+    ]
+    usual = np.median(single, axis=0) if single else None
+    return [
+        faces if isinstance(faces, PhotoFailure) else _best(faces, usual)
+        for faces in outcome
+    ]
+
+
+def _best(faces: tuple[Candidate, ...], usual: np.ndarray | None) -> Candidate:
+    if faces[0].landmarks.faces == 1:
+        return faces[0]
+    places = np.stack([_place(face) for face in faces])
+    if usual is None:
+        best = int(places[:, 0].argmax())
+        why = "the largest"
+    else:
+        step = np.array([SIZE_STEP, PLACE_STEP, PLACE_STEP])
+        best = int(np.linalg.norm((places - usual) / step, axis=1).argmin())
+        why = "nearest in size and place to the face of the other photos"
+    # Faces are counted as one reads: from left to right.
+    rank = int((places[:, 1] < places[best, 1]).sum()) + 1
+    chosen = faces[best]
+    total = chosen.landmarks.faces
+    note = f"face {rank} of {total} from the left chosen: {why}"
+    if len(faces) == 1:
+        note = f"{total} faces seen, the only usable one chosen"
+    return replace(chosen, landmarks=replace(chosen.landmarks, note=note))
+
+
+def _place(face: Candidate) -> np.ndarray:
+    """log of the size, x and y of the centre, in parts of the picture."""
+    width, height = face.photo.size
+    extent = float(np.hypot(width, height))
+    centre = face.landmarks.points.mean(axis=0)
+    return np.array(
+        [np.log(face.fit.eye_distance / extent), *(centre - (width / 2, height / 2))]
+        / np.array([1.0, extent, extent])
+    )

@@ -1,0 +1,189 @@
+"""Format and size of a picture from its first bytes, without decoding it.
+
+A file of a few kilobytes can claim a billion pixels; reading the claim costs
+nothing, decoding it costs the machine. Only what is needed for that decision is
+read: format, width, height, bytes per pixel.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+READABLE = frozenset({"JPEG", "PNG", "BMP", "TIFF", "WebP", "PNM", "JPEG 2000"})
+
+
+@dataclass(frozen=True)
+class ImageHeader:
+    """What a picture's header claims.
+
+    Parameters
+    ----------
+    format : str
+        ``"JPEG"``, ``"PNG"``...; those in `READABLE` can be decoded here.
+    width, height : int
+        Pixels, before any EXIF turn; 0 if the format is only recognised.
+    bytes_per_pixel : float
+        As stored, decoded.
+    """
+
+    format: str
+    width: int = 0
+    height: int = 0
+    bytes_per_pixel: float = 3.0
+
+    @property
+    def pixels(self) -> int:
+        return self.width * self.height
+
+
+def read_header(data: np.ndarray | bytes) -> ImageHeader | None:
+    """Header of the picture in `data`; None if it is no known picture.
+
+    Parameters
+    ----------
+    data : bytes or (n,) uint8 array
+        The file. Any content is allowed.
+    """
+    view = memoryview(data).cast("B") if isinstance(data, bytes) else data.data
+    head = bytes(view[:64])
+    for test, read in _FORMATS:
+        if test(head):
+            try:
+                return read(view)
+            except (struct.error, IndexError, ValueError, OverflowError):
+                return None
+    return None
+
+
+def _jpeg(view: memoryview) -> ImageHeader | None:
+    at = 2
+    while at + 4 <= len(view):
+        if view[at] != 0xFF:
+            at += 1
+            continue
+        marker = view[at + 1]
+        if marker == 0xFF:
+            at += 1
+        elif marker == 0 or 0xD0 <= marker <= 0xD8 or marker == 1:
+            at += 2
+        elif 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            bits, height, width, channels = struct.unpack(
+                ">BHHB", view[at + 4 : at + 10]
+            )
+            return ImageHeader("JPEG", width, height, channels * (1 + (bits > 8)))
+        elif marker in (0xD9, 0xDA):
+            return None
+        else:
+            at += 2 + struct.unpack(">H", view[at + 2 : at + 4])[0]
+    return None
+
+
+def _png(view: memoryview) -> ImageHeader:
+    width, height, bits, kind = struct.unpack(">IIBB", view[16:26])
+    channels = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}.get(kind, 4)
+    return ImageHeader("PNG", width, height, channels * max(bits, 8) / 8)
+
+
+def _bmp(view: memoryview) -> ImageHeader:
+    (length,) = struct.unpack("<I", view[14:18])
+    if length == 12:
+        width, height, _, bits = struct.unpack("<HHHH", view[18:26])
+    else:
+        width, height, _, bits = struct.unpack("<iiHH", view[18:30])
+    return ImageHeader("BMP", abs(width), abs(height), max(bits / 8, 3))
+
+
+def _tiff(view: memoryview) -> ImageHeader | None:
+    order = "<" if bytes(view[:2]) == b"II" else ">"
+    if struct.unpack(order + "H", view[2:4])[0] == 43:
+        (at,) = struct.unpack(order + "Q", view[8:16])
+        (count,) = struct.unpack(order + "Q", view[at : at + 8])
+        at, entry, value = at + 8, 20, 12
+    else:
+        (at,) = struct.unpack(order + "I", view[4:8])
+        (count,) = struct.unpack(order + "H", view[at : at + 2])
+        at, entry, value = at + 2, 12, 8
+    tags: dict[int, int] = {}
+    for i in range(min(count, 1000)):
+        start = at + entry * i
+        tag, kind = struct.unpack(order + "HH", view[start : start + 4])
+        code = {1: "B", 3: "H", 4: "I", 16: "Q"}.get(kind)
+        if code is None or (entry == 12 and code == "Q"):
+            continue
+        size = struct.calcsize(code)
+        field = view[start + value : start + value + size]
+        # Several 16-bit values (bits per sample of RGB) stand elsewhere: the
+        # first bytes are then an offset, which we do not follow.
+        tags[tag] = struct.unpack(order + code, field)[0]
+    if 256 not in tags or 257 not in tags:
+        return None
+    channels = min(tags.get(277, 1), 8)
+    # Bits of one channel stand in the entry itself, those of several elsewhere:
+    # 16 is assumed for them, the larger of the usual two.
+    bits = min(tags.get(258, 1), 64) if channels == 1 else 16
+    return ImageHeader("TIFF", tags[256], tags[257], channels * max(bits, 8) / 8)
+
+
+def _webp(view: memoryview) -> ImageHeader | None:
+    kind = bytes(view[12:16])
+    if kind == b"VP8X":
+        width = int.from_bytes(view[24:27], "little") + 1
+        height = int.from_bytes(view[27:30], "little") + 1
+        return ImageHeader("WebP", width, height, 4)
+    if kind == b"VP8L":
+        bits = int.from_bytes(view[21:25], "little")
+        return ImageHeader("WebP", (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1, 4)
+    if kind == b"VP8 ":
+        width, height = struct.unpack("<HH", view[26:30])
+        return ImageHeader("WebP", width & 0x3FFF, height & 0x3FFF, 3)
+    return None
+
+
+def _pnm(view: memoryview) -> ImageHeader | None:
+    fields: list[int] = []
+    wanted = 2 if view[1] in b"14" else 3
+    for line in bytes(view[2:4096]).split(b"\n"):
+        for word in line.split(b"#")[0].split():
+            if not word.isdigit():
+                return None
+            fields.append(int(word))
+            if len(fields) == wanted:
+                channels = 3 if view[1] in b"36" else 1
+                wide = wanted == 3 and fields[2] > 255
+                return ImageHeader("PNM", *fields[:2], channels * (1 + wide))
+    return None
+
+
+def _jpeg2000(view: memoryview) -> ImageHeader | None:
+    if bytes(view[:4]) == b"\xff\x4f\xff\x51":
+        x1, y1, x0, y0 = struct.unpack(">IIII", view[8:24])
+        return ImageHeader("JPEG 2000", x1 - x0, y1 - y0, 8)
+    at = bytes(view[:4096]).find(b"ihdr")
+    if at < 0:
+        return None
+    height, width, channels, bits = struct.unpack(">IIHB", view[at + 4 : at + 15])
+    wide = (bits & 0x7F) >= 8
+    return ImageHeader("JPEG 2000", width, height, channels * (1 + wide))
+
+
+def _named(name: str):
+    return lambda view: ImageHeader(name)
+
+
+_FORMATS = (
+    (lambda h: h[:3] == b"\xff\xd8\xff", _jpeg),
+    (lambda h: h[:8] == b"\x89PNG\r\n\x1a\n" and h[12:16] == b"IHDR", _png),
+    (lambda h: h[:2] == b"BM", _bmp),
+    (lambda h: h[4:12] in (b"ftypheic", b"ftypheix", b"ftypmif1"), _named("HEIC")),
+    (lambda h: h[4:12] in (b"ftypavif", b"ftypavis"), _named("AVIF")),
+    (lambda h: h[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), _tiff),
+    (lambda h: h[:4] == b"RIFF" and h[8:12] == b"WEBP", _webp),
+    (lambda h: h[:1] == b"P" and h[1:2] in b"123456" and h[2:3].isspace(), _pnm),
+    (lambda h: h[4:12] == b"jP  \r\n\x87\n" or h[:4] == b"\xff\x4f\xff\x51", _jpeg2000),
+    (lambda h: h[:6] in (b"GIF87a", b"GIF89a"), _named("GIF")),
+    (lambda h: h[:4] == b"8BPS", _named("Photoshop")),
+    (lambda h: h[:2] == b"\xff\x0a" or h[4:8] == b"JXL ", _named("JPEG XL")),
+)
