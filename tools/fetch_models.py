@@ -13,6 +13,8 @@ Standard library only; pip is the one of the Python that runs the script, or of
 the one that `--python` names.
 """
 
+from __future__ import annotations
+
 import argparse
 import hashlib
 import os
