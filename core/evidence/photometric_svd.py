@@ -129,17 +129,17 @@ def photometric_svd(
     U, D, Vt = np.linalg.svd(filled, full_matrices=False)
     root = np.sqrt(D[:RANK])
     L0, S0 = U[:, :RANK] * root, root[:, None] * Vt[:RANK]
-    trusted = seen.any(0)
+    trusted = np.asarray(seen.any(0))
     St = template_shape(filled.mean(0), St_normals, trusted)
     A0 = fit_ambiguity(S0[:, trusted], St[:, trusted])
     # A changes the basis of S and its inverse that of L: L~ S~ = (L~ A^-1) (A S~).
-    L = np.linalg.lstsq(A0.T, L0.T, rcond=None)[0].T
+    L: Array = np.asarray(np.linalg.lstsq(A0.T, L0.T, rcond=None)[0].T, float)
     S = A0 @ S0
     chosen = choose_photos(filled, L @ S, seen, tolerance, minimum_share)
     S = constrained_shape(filled, L, chosen, S)
     A1 = fit_ambiguity(S[:, trusted], St[:, trusted])
     S = A1 @ S
-    L = np.linalg.lstsq(A1.T, L.T, rcond=None)[0].T
+    L = np.asarray(np.linalg.lstsq(A1.T, L.T, rcond=None)[0].T, float)
     length = np.linalg.norm(S[1:], axis=0)
     good = length > 1e-12 * np.median(length)
     normals = np.where(good, S[1:] / np.maximum(length, 1e-300), St_normals.T).T
