@@ -2,14 +2,15 @@
 
 Only the zip for the running platform and Python; its wheels are downloaded once
 into the user's cache. The environment that runs the tests holds SciPy and OpenCV
-itself, and its copies win over those in the zip; the wheels of the zip are still
-unpacked by Blender and looked at.
+itself, and its copies would win over those in the zip. So Blender is started with
+all of its packages but these, as an application would be: what runs is the zip.
 """
 
 import json
 import os
 import subprocess
 import sys
+import sysconfig
 import tomllib
 import zipfile
 from pathlib import Path
@@ -64,6 +65,16 @@ def test_zip_holds_what_runs_and_nothing_else(built):
     assert "network" not in manifest["permissions"]
 
 
+def site_without(folder: Path, left_out: tuple[str, ...]) -> Path:
+    """A folder of links to the installed packages, some left out by name."""
+    folder.mkdir()
+    installed = Path(sysconfig.get_paths()["purelib"])
+    for entry in installed.iterdir():
+        if not entry.name.startswith(left_out) and entry.suffix != ".pth":
+            (folder / entry.name).symlink_to(entry)
+    return folder
+
+
 # Runs in a Blender of its own with an empty user folder. What it finds goes to a
 # file, because bpy writes to the standard output as it likes.
 PROGRAM = """
@@ -84,6 +95,8 @@ try:
         name for _, names, _ in os.walk(site) for name in names
         if name.endswith(".dist-info")
     )
+    import cv2, scipy
+    found["wheels"] = [cv2.__file__, scipy.__file__]
     found["models"] = str(
         extension.bsface_addon and
         __import__("bl_ext.user_default.bsface.core.evidence.facemesh",
@@ -123,8 +136,11 @@ def ran(built, tmp_path_factory) -> dict:
     env = {k: v for k, v in os.environ.items() if k not in ("BSFACE_MODELS",)}
     env["BLENDER_USER_RESOURCES"] = str(folder / "resources")
     env["XDG_CACHE_HOME"] = str(folder / "cache")
+    # -S: without the environment's own site-packages.
+    hidden = ("scipy", "cv2", "opencv", "bsface", "__editable__")
+    env["PYTHONPATH"] = str(site_without(folder / "site", hidden))
     run = subprocess.run(
-        [sys.executable, str(program), str(built), str(photos), str(result)],
+        [sys.executable, "-S", str(program), str(built), str(photos), str(result)],
         cwd=folder,
         env=env,
         stdin=subprocess.DEVNULL,
@@ -150,6 +166,11 @@ def test_blender_unpacks_the_wheels(ran):
     assert "scipy-" in names
     assert "opencv_python_headless-" in names
     assert "numpy-" not in names
+
+
+def test_runs_on_the_wheels_of_the_zip(ran):
+    for file in ran["wheels"]:
+        assert Path(file).is_relative_to(Path(ran["folder"]) / "resources")
 
 
 def test_models_come_out_of_the_zip(ran):
