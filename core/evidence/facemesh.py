@@ -213,7 +213,7 @@ class FaceMesh:
         """The landmarks of one face, averaged over crops and mirror images.
 
         The network puts x a little off to one side (0.35 pixels of its crop,
-        seen by giving it a picture and the mirror image). Averaging the crop
+        seen by giving it a picture and its mirror image). Averaging the crop
         and the mirrored crop, whose landmarks are mirrored back and renamed,
         takes out exactly this part, so no offset is subtracted here: it would
         be taken off twice.
@@ -307,10 +307,12 @@ class FaceMesh:
             self._mesh.setInput(np.ascontiguousarray(blob.transpose(0, 3, 1, 2)))
             points, logit = self._mesh.forward(("conv2d_21", "conv2d_31"))
         points = points.reshape(2, len(crops), 468, 3)[..., :2].astype(float)
-        points[1, ..., 0] = MESH_SIDE - points[1, ..., 0]
+        points[1, ..., 0] = MESH_SIDE - 1 - points[1, ..., 0]
         points[1] = points[1][:, self._mirror]
+        # The mesh counts pixel centres at integers: so read, its mean error is
+        # smallest, and so the template's landmarks were measured.
         placed = [
-            crop.to_image(points[half, k], MESH_SIDE)
+            crop.to_image(points[half, k] + 0.5, MESH_SIDE)
             for half in range(2)
             for k, crop in enumerate(crops)
         ]
