@@ -249,7 +249,7 @@ def demo(options: argparse.Namespace) -> int:
 def test(options: argparse.Namespace) -> int:
     line = options.blender or main_line()
     if options.rest:
-        python = environment(line, "run", "test")
+        python = environment(line, "run", "test", "check")
         return call([python, "-m", "pytest", *options.rest])
     started = time.monotonic()
     results: list[tuple[str, int | str, float]] = []
