@@ -51,3 +51,9 @@ def bending_matrix(shape: tuple[int, int]) -> sparse.csr_array:
         sparse.kron(g2u, g0v) + 2 * sparse.kron(g1u, g1v) + sparse.kron(g0u, g2v)
     )
     return sparse.csr_array(energy)
+
+
+@lru_cache(maxsize=8)
+def mass_matrix(shape: tuple[int, int]) -> sparse.csr_array:
+    """``d^T G d`` is the integral over the unit square of ``|d|^2``; as above."""
+    return sparse.csr_array(sparse.kron(_gram(shape[0], 0), _gram(shape[1], 0)))

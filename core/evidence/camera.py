@@ -1,0 +1,153 @@
+"""Camera of a photo: scaled orthography ``q = sRQ + t`` and its perspective refinement.
+
+The paper's camera (section 2.3.1) is the case ``kappa = 0``.  A portrait taken from
+1.2 m has nose and ears at visibly different scales, so the default has ``kappa > 0``:
+
+    X = R Q,   pixel = c + (t + s (X_x, -X_y)) / (1 - kappa X_z)
+
+which is a pinhole with principal point ``c`` at the distance ``1 / kappa`` from the
+head's origin, written so that ``kappa -> 0`` gives the paper's camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+#: Parameters of `Camera.moved`: rotation vector (3, radians, applied after R), relative
+#: scale, shift in millimetres at the head (2), relative change of kappa.
+PARAMETERS = 7
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pose of the head in one photo.
+
+    Attributes
+    ----------
+    R : (3, 3) array
+        Rotation from head to camera axes; the camera's x is right, y up, z toward it,
+        so a frontal face has the identity.
+    s : float
+        Pixels per millimetre at the head's origin.
+    t : (2,) array
+        Pixels from the principal point to the projection of the head's origin.
+    kappa : float
+        1 / distance from the head's origin to the camera, 1/mm; 0 = orthography.
+    principal : (2,) array
+        Principal point in pixels of the photo, usually the centre of the picture.
+    """
+
+    R: Array
+    s: float
+    t: Array
+    kappa: float = 0.0
+    principal: Array = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        c = np.zeros(2) if self.principal is None else self.principal
+        for name, value in (("R", self.R), ("t", self.t), ("principal", c)):
+            object.__setattr__(self, name, np.asarray(value, float))
+
+    def project(self, Q: ArrayLike) -> Array:
+        """Pixels ``(..., 2)`` of head points ``Q`` ``(..., 3)`` in mm."""
+        X = np.asarray(Q, float) @ self.R.T
+        flat = self.t + self.s * X[..., :2] * (1, -1)
+        return self.principal + flat / (1 - self.kappa * X[..., 2:])
+
+    def jacobians(self, Q: ArrayLike) -> tuple[Array, Array, Array]:
+        """Projection and its derivatives.
+
+        Parameters
+        ----------
+        Q : (p, 3) array
+
+        Returns
+        -------
+        pixels : (p, 2) array
+        by_point : (p, 2, 3) array
+            Derivative by the head point.
+        by_camera : (p, 2, 7) array
+            Derivative by the parameters of `moved`.
+        """
+        X = np.asarray(Q, float) @ self.R.T
+        depth = 1 - self.kappa * X[:, 2]
+        flat = self.t + self.s * X[:, :2] * (1, -1)
+        J = np.zeros((len(X), 2, 3))
+        J[:, 0, 0] = self.s / depth
+        J[:, 1, 1] = -self.s / depth
+        J[:, :, 2] = self.kappa * flat / depth[:, None] ** 2
+        C = np.zeros((len(X), 2, PARAMETERS))
+        # X moves by omega x X
+        C[:, :, 0] = J[:, :, 2] * X[:, 1, None] - J[:, :, 1] * X[:, 2, None]
+        C[:, :, 1] = J[:, :, 0] * X[:, 2, None] - J[:, :, 2] * X[:, 0, None]
+        C[:, :, 2] = J[:, :, 1] * X[:, 0, None] - J[:, :, 0] * X[:, 1, None]
+        C[:, :, 3] = self.s * X[:, :2] * (1, -1) / depth[:, None]
+        C[:, 0, 4] = self.s / depth
+        C[:, 1, 5] = -self.s / depth
+        C[:, :, 6] = self.kappa * flat * (X[:, 2] / depth**2)[:, None]
+        return self.principal + flat / depth[:, None], J @ self.R, C
+
+    def moved(self, step: ArrayLike) -> Camera:
+        """The camera after a step of its 7 parameters (see `PARAMETERS`)."""
+        d = np.asarray(step, float)
+        return replace(
+            self,
+            R=Rotation.from_rotvec(d[:3]).as_matrix() @ self.R,
+            s=self.s * float(np.exp(d[3])),
+            t=self.t + self.s * d[4:6] * (1, -1),
+            kappa=self.kappa * float(np.exp(d[6])),
+        )
+
+    def toward(self, Q: ArrayLike) -> Array:
+        """Unit vectors from head points to the camera, in head axes, ``(..., 3)``."""
+        Q = np.asarray(Q, float)
+        if self.kappa == 0:
+            return np.broadcast_to(self.R[2], Q.shape)
+        # t is the offset of the optical axis from the head, so the camera stands beside
+        shift = self.t * (1, -1) / self.s
+        centre = self.R.T @ np.array([-shift[0], -shift[1], 1 / self.kappa])
+        ray = centre - Q
+        return ray / np.linalg.norm(ray, axis=-1, keepdims=True)
+
+    def rescaled(self, factor: float, R: ArrayLike, t: ArrayLike) -> Camera:
+        """The same photo after the head moved by ``Q -> factor R Q + t``.
+
+        Projects the moved points to the pixels of the unmoved ones.
+        """
+        R, t = np.asarray(R, float), np.asarray(t, float)
+        R_new = self.R @ R.T
+        origin = R_new @ t / factor
+        depth = 1 + self.kappa * origin[2]
+        return replace(
+            self,
+            R=R_new,
+            s=self.s / factor / depth,
+            t=(self.t - self.s * origin[:2] * (1, -1)) / depth,
+            kappa=self.kappa / factor / depth,
+        )
+
+    @property
+    def distance_mm(self) -> float:
+        """Distance from the head's origin to the camera, infinite for orthography."""
+        return 1 / self.kappa if self.kappa > 0 else np.inf
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in pixels, infinite for orthography."""
+        return self.s * self.distance_mm
+
+    @property
+    def yaw_pitch_roll(self) -> Array:
+        """Head turned to the picture's right, up, clockwise as seen; degrees, (3,)."""
+        toward = self.R[:, 2]
+        yaw = np.arctan2(toward[0], toward[2])
+        pitch = np.arcsin(np.clip(toward[1], -1, 1))
+        up = self.R[:, 1]
+        roll = np.arctan2(up[0], up[1])
+        return np.rad2deg([yaw, pitch, roll])

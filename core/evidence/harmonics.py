@@ -1,0 +1,49 @@
+"""Lambertian shading under distant light as spherical harmonics of the normal.
+
+A convex Lambertian surface sees any distant illumination through nine numbers (Basri
+and Jacobs, PAMI 2003; Ramamoorthi and Hanrahan, SIGGRAPH 2001): ``I = rho L . Y(n)``.
+The first four are the paper's model ``M = L S`` with ``S = rho (1, n)``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def basis(n: Array, order: int = 9) -> Array:
+    """``Y(n)``: 1, x, y, z, xy, xz, yz, x^2 - y^2, 3 z^2 - 1, without norm factors.
+
+    Parameters
+    ----------
+    n : (..., 3) array
+        Unit normals.
+    order : 4 or 9
+
+    Returns
+    -------
+    (..., order) array
+    """
+    x, y, z = np.moveaxis(n, -1, 0)
+    parts = [np.ones_like(x), x, y, z]
+    if order == 9:
+        parts += [x * y, x * z, y * z, x * x - y * y, 3 * z * z - 1]
+    return np.stack(parts, -1)
+
+
+def slope(n: Array, order: int = 9) -> Array:
+    """Derivative of `basis` by the normal, ``(..., order, 3)``."""
+    x, y, z = np.moveaxis(n, -1, 0)
+    o, i = np.zeros_like(x), np.ones_like(x)
+    rows = [(o, o, o), (i, o, o), (o, i, o), (o, o, i)]
+    if order == 9:
+        rows += [
+            (y, x, o),
+            (z, o, x),
+            (o, z, y),
+            (2 * x, -2 * y, o),
+            (o, o, 6 * z),
+        ]
+    return np.stack([np.stack(r, -1) for r in rows], -2)

@@ -1,0 +1,101 @@
+"""What is known of a face before any photo: a Gaussian over its control points.
+
+``b - b_t`` is the sum of two independent parts: a mixture of identity modes (how faces
+vary, learnt from morphs of the template) and a smooth displacement that allows for
+faces outside their span.  The smooth part has the precision ``tau (K^T K + l^-4 G)``
+per coordinate, the bending energy of Eq. 8 with a mass term ``G`` that lets the
+displacement fade over the correlation length ``l`` instead of rotating the whole face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.sparse.linalg import SuperLU, splu
+
+from .bending import bending_matrix, mass_matrix
+from .bspline import basis_matrix
+from .template import Template
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ShapePrior:
+    """Gaussian prior of the displacement ``b - b_t``.
+
+    Attributes
+    ----------
+    modes : (k, M*N, 3) array
+        Identity modes, one standard deviation each, mm.
+    smooth : (M*N, M*N) sparse array
+        Precision of the smooth part of each coordinate, 1/mm^2.
+    shape : (M, N)
+        Size of the control net.
+    """
+
+    modes: Array
+    smooth: sparse.csr_array
+    shape: tuple[int, int]
+    factor: SuperLU
+
+    def displacement_covariance(self, uv: ArrayLike, rows: ArrayLike) -> Array:
+        """Covariance of the displacement at points ``rows`` with that at ``uv``.
+
+        Parameters
+        ----------
+        uv : (f, 2) array
+            Points of the surface.
+        rows : (p, M*N) sparse array
+            Basis matrix of other points, or the identity for control points.
+
+        Returns
+        -------
+        (3 p, 3 f) array
+            Coordinates interleaved (x, y, z of a point are neighbours).
+        """
+        T = basis_matrix(self.shape, *np.asarray(uv, float).T)
+        smooth = rows @ self.factor.solve(T.T.toarray())
+        left = np.einsum("pb,kbx->pxk", _dense(rows), self.modes, optimize=True)
+        right = np.einsum("pb,kbx->pxk", _dense(T), self.modes, optimize=True)
+        k = len(self.modes)
+        return left.reshape(-1, k) @ right.reshape(-1, k).T + np.kron(
+            smooth, np.eye(3)
+        )
+
+
+def _dense(matrix: sparse.csr_array | Array) -> Array:
+    return matrix.toarray() if sparse.issparse(matrix) else np.asarray(matrix)
+
+
+def shape_prior(
+    template: Template,
+    modes_scale: float,
+    smooth_mm: float,
+    smooth_length: float,
+) -> ShapePrior:
+    """Prior about a template.
+
+    Parameters
+    ----------
+    template : Template
+    modes_scale : float
+        Factor on the standard deviation of the identity modes; 0 switches them off.
+    smooth_mm : float
+        Standard deviation of the smooth part in the middle of the face, mm.
+    smooth_length : float
+        Its correlation length as a fraction of the width of the parameter square.
+    """
+    shape = template.surface.shape
+    Q = bending_matrix(shape) + smooth_length**-4 * mass_matrix(shape)
+    middle = basis_matrix(shape, [0.5], [0.5]).toarray()[0]
+    variance = middle @ splu(sparse.csc_array(Q)).solve(middle)
+    Q = sparse.csr_array(Q * (variance / smooth_mm**2))
+    modes = modes_scale * template.identity_modes.reshape(
+        len(template.identity_modes), -1, 3
+    )
+    factor = splu(sparse.csc_array(Q), permc_spec="MMD_AT_PLUS_A")
+    return ShapePrior(modes, Q, shape, factor)
