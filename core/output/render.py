@@ -174,7 +174,7 @@ def outline_picture(template: Any, resolution: int = 1024) -> npt.NDArray[np.boo
     picture = np.zeros((resolution, resolution), np.uint8)
     corner = np.asarray(template.outline_uv) * resolution - 0.5
     # Four fractional bits: a polygon at sub-pixel accuracy.
-    cv2.fillPoly(picture, [np.round(corner * 16).astype(np.int32)], 1, shift=4)
+    cv2.fillPoly(picture, [np.round(corner * 16).astype(np.int32)], (1,), shift=4)
     return picture.astype(bool)
 
 
@@ -210,7 +210,7 @@ def sample_surface(
     return SurfaceGrid(points, normals, uv, triangles, inside)
 
 
-def look_up(picture: npt.NDArray, uv: Array) -> npt.NDArray:
+def look_up(picture: np.ndarray, uv: Array) -> np.ndarray:
     """Nearest pixel of a (u, v) picture (row 0 at v = 0) at (n, 2) parameters."""
     height, width = picture.shape[:2]
     column = np.clip((uv[..., 0] * width).astype(int), 0, width - 1)
@@ -224,7 +224,8 @@ def yaw_rotation(degrees: float, pitch: float = 0.0) -> Array:
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     c, s = np.cos(np.radians(pitch)), np.sin(np.radians(pitch))
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]) @ turn
+    nod = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    return np.asarray(nod @ turn, float)
 
 
 def shaded_view(
@@ -452,7 +453,8 @@ def _colour_table(name: str) -> npt.NDArray[np.uint8]:
     if name not in maps:
         raise ValueError(f"colour map must be one of {[*maps, 'diverging']}: {name!r}")
     ramp = np.arange(256, dtype=np.uint8)[:, None]
-    return cv2.applyColorMap(ramp, maps[name])[:, 0, ::-1].copy()
+    table = cv2.applyColorMap(ramp, maps[name])[:, 0, ::-1]
+    return np.ascontiguousarray(table, np.uint8)
 
 
 # ------------------------------------------------------------------- encoding

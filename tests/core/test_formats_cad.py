@@ -1,0 +1,273 @@
+"""CAD files, each read back by OpenCASCADE or rhino3dm and held against the core."""
+
+import numpy as np
+import pytest
+from bsface.output.formats import obj, rhino, step
+from bsface.output.formats.exchange import exchange_surface, outline_curve
+from bsface.output.formats.iges import write_iges
+from bsface.output.formats.mesh import signed_distance
+from fake_face import ellipse_outline, face_surface
+from scipy.interpolate import BSpline
+
+WRITERS = {"step": step.write_step, "igs": write_iges}
+
+
+@pytest.fixture(scope="module")
+def surface():
+    return face_surface()
+
+
+@pytest.fixture(scope="module")
+def outline():
+    return ellipse_outline(200)
+
+
+def parameters(count=400):
+    return np.random.default_rng(3).uniform(0, 1, (2, count))
+
+
+def relative_error(found, expected):
+    return np.abs(found - expected).max() / np.abs(expected).max()
+
+
+# ----------------------------------------------------------------- exchange
+def test_clamped_surface_turned_upwards_is_the_same_surface(surface):
+    face = exchange_surface(surface)
+    u, v = parameters()
+    basis_u = BSpline.design_matrix(u, face.knots_u, 3).toarray()
+    basis_v = BSpline.design_matrix(1 - v, face.knots_v, 3).toarray()
+    found = np.einsum("pi,pj,ijc->pc", basis_u, basis_v, face.control_points)
+    assert relative_error(found, surface.evaluate(u, v)) < 1e-12
+
+
+def test_outline_curve_is_closed_counter_clockwise_and_near_the_polygon(outline):
+    for polygon in (outline, outline[::-1], np.vstack([outline, outline[:1]])):
+        curve = outline_curve(polygon)
+        points = curve(np.linspace(0, 1, 1000))
+        np.testing.assert_array_equal(curve.control_points[0], curve.control_points[-1])
+        x, y = points.T
+        assert (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0
+        upwards = outline * (1, -1) + (0, 1)
+        assert np.abs(signed_distance(upwards, points)[0]).max() < 2e-4
+
+
+def test_outline_curve_stays_in_the_square_and_smooth_where_it_closes():
+    border = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
+    curve = outline_curve(border)
+    points = curve(np.linspace(0, 1, 2000))
+    assert points.min() >= 0 and points.max() <= 1
+    smooth = outline_curve(ellipse_outline(200))
+    spline = BSpline(smooth.knots, smooth.control_points, 3).derivative()
+    np.testing.assert_allclose(spline(0.0), spline(1.0), atol=1e-9)
+
+
+def test_edge_lies_on_the_surface(surface, outline):
+    face = exchange_surface(surface, outline)
+    t = np.linspace(0, 1, 3333)
+    u, v = face.outline(t).T
+    off = np.linalg.norm(face.edge(t) - surface.evaluate(u, 1 - v), axis=1)
+    assert off.max() < 1e-4
+    with pytest.raises(ValueError, match="outline must be"):
+        outline_curve(np.zeros((2, 2)))
+
+
+# -------------------------------------------------------------- OpenCASCADE
+def read_cad(path):
+    """The only face of a STEP or IGES file and its shape, by OpenCASCADE."""
+    pytest.importorskip(
+        "OCP", reason="cadquery-ocp-novtk, the independent reader, is not installed"
+    )
+    from OCP.IFSelect import IFSelect_RetDone
+    from OCP.IGESControl import IGESControl_Reader
+    from OCP.STEPControl import STEPControl_Reader
+    from OCP.TopAbs import TopAbs_FACE
+    from OCP.TopExp import TopExp_Explorer
+    from OCP.TopoDS import TopoDS
+
+    kind = STEPControl_Reader if path.suffix == ".step" else IGESControl_Reader
+    reader = kind()
+    assert reader.ReadFile(str(path)) == IFSelect_RetDone
+    reader.TransferRoots()
+    shape = reader.OneShape()
+    explorer = TopExp_Explorer(shape, TopAbs_FACE)
+    faces = []
+    while explorer.More():
+        cast = getattr(TopoDS, "Face_s", None) or TopoDS.Face
+        faces.append(cast(explorer.Current()))
+        explorer.Next()
+    assert len(faces) == 1
+    return faces[0], shape
+
+
+def area(shape):
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(shape, properties, 1e-6)
+    return properties.Mass()
+
+
+def grid_area(surface, outline, count=400):
+    """Area of the trimmed surface by the midpoint rule."""
+    at = (np.arange(count) + 0.5) / count
+    u, v = (a.ravel() for a in np.meshgrid(at, at, indexing="ij"))
+    size = np.linalg.norm(
+        np.cross(surface.evaluate(u, v, du=1), surface.evaluate(u, v, dv=1)), axis=1
+    )
+    if outline is not None:
+        size = size[signed_distance(outline, np.stack([u, v], 1))[0] > 0]
+    return size.sum() / count**2
+
+
+@pytest.mark.parametrize("trimmed", [True, False])
+@pytest.mark.parametrize("kind", WRITERS)
+def test_opencascade_reads_the_same_valid_face(
+    tmp_path, surface, outline, kind, trimmed
+):
+    path = tmp_path / f"face.{kind}"
+    WRITERS[kind](path, surface, outline if trimmed else None)
+    face, shape = read_cad(path)
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepCheck import BRepCheck_Analyzer
+    from OCP.gp import gp_Pnt, gp_Vec
+    from OCP.TopAbs import TopAbs_FORWARD
+
+    assert BRepCheck_Analyzer(shape).IsValid()
+    assert face.Orientation() == TopAbs_FORWARD
+    geometry = BRep_Tool.Surface_s(face)
+    u, v = parameters()
+    found, normals = [], []
+    for a, b in zip(u, 1 - v, strict=True):
+        point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+        geometry.D1(float(a), float(b), point, along_u, along_v)
+        normal = along_u.Crossed(along_v)
+        found.append([point.X(), point.Y(), point.Z()])
+        normals.append([normal.X(), normal.Y(), normal.Z()])
+    assert relative_error(np.array(found), surface.evaluate(u, v)) < 1e-9
+    # Orientation: the face's normals point out of the head.
+    assert ((np.array(normals) * surface.normals(u, v)).sum(axis=1) > 0).all()
+    expected = grid_area(surface, outline if trimmed else None)
+    assert area(shape) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_trimming_edge_read_by_opencascade_lies_on_the_surface(
+    tmp_path, surface, outline, kind
+):
+    path = tmp_path / f"face.{kind}"
+    WRITERS[kind](path, surface, outline)
+    face, _ = read_cad(path)
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+    from OCP.TopAbs import TopAbs_EDGE
+    from OCP.TopExp import TopExp_Explorer
+    from OCP.TopoDS import TopoDS
+
+    explorer = TopExp_Explorer(face, TopAbs_EDGE)
+    points = []
+    while explorer.More():
+        cast = getattr(TopoDS, "Edge_s", None) or TopoDS.Edge
+        curve = BRepAdaptor_Curve(cast(explorer.Current()))
+        for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), 60):
+            point = curve.Value(float(t))
+            points.append([point.X(), point.Y(), point.Z()])
+        explorer.Next()
+    uv, off = surface.closest_point(np.array(points))
+    assert off.max() < 1e-3
+    assert np.abs(signed_distance(outline, uv)[0]).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_equal_faces_give_equal_bytes(tmp_path, surface, outline, kind):
+    contents = [
+        WRITERS[kind](tmp_path / f"{i}.{kind}", surface, outline, "a 'b").read_bytes()
+        for i in range(2)
+    ]
+    assert contents[0] == contents[1]
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_iges_lines_have_eighty_columns(tmp_path, surface, outline):
+    path = write_iges(tmp_path / "face.igs", surface, outline)
+    lines = path.read_text().splitlines()
+    assert {len(line) for line in lines} == {80}
+    assert "".join(dict.fromkeys(line[72] for line in lines)) == "SGDPT"
+
+
+# -------------------------------------------------------------------- Rhino
+@pytest.mark.parametrize("trimmed", [True, False])
+def test_rhino3dm_reads_the_same_surface(tmp_path, surface, outline, trimmed):
+    rhino3dm = pytest.importorskip("rhino3dm", reason="rhino3dm is not installed")
+    path = rhino.write_3dm(tmp_path / "face.3dm", surface, outline if trimmed else None)
+    model = rhino3dm.File3dm.Read(str(path))
+    assert model.Settings.ModelUnitSystem == rhino3dm.UnitSystem.Millimeters
+    geometries = [model.Objects[i].Geometry for i in range(len(model.Objects))]
+    patch = geometries[0]
+    if not isinstance(patch, rhino3dm.NurbsSurface):
+        patch = patch.Surfaces[0].ToNurbsSurface()
+    u, v = parameters(100)
+    points = [patch.PointAt(float(a), float(b)) for a, b in zip(u, 1 - v, strict=True)]
+    found = np.array([[p.X, p.Y, p.Z] for p in points])
+    assert relative_error(found, surface.evaluate(u, v)) < 1e-9
+    assert len(geometries) == 1 + trimmed
+    if trimmed:
+        domain = geometries[1].Domain
+        points = [geometries[1].PointAt(t) for t in np.linspace(domain.T0, domain.T1)]
+        _, off = surface.closest_point(np.array([[p.X, p.Y, p.Z] for p in points]))
+        assert off.max() < 1e-3
+
+
+def test_3dm_without_rhino3dm_says_what_to_install(tmp_path, surface, monkeypatch):
+    import sys
+
+    from bsface.errors import ReconstructionError
+
+    monkeypatch.setitem(sys.modules, "rhino3dm", None)
+    with pytest.raises(ReconstructionError, match=r"bsface\[cad\]"):
+        rhino.write_3dm(tmp_path / "face.3dm", surface)
+    assert not list(tmp_path.iterdir())
+
+
+# ------------------------------------------------------------ free-form OBJ
+def read_freeform(path):
+    """A reader of the free-form part of OBJ, written from the format's manual."""
+    text = path.read_text().replace("\\\n", " ")
+    vertices, flat, body, curve = [], [], {}, {}
+    target = {}
+    for line in text.splitlines():
+        word, *rest = line.split() or [""]
+        if word == "v":
+            vertices.append([float(x) for x in rest])
+        elif word == "vp":
+            flat.append([float(x) for x in rest])
+        elif word == "curv2":
+            target = curve
+            target["index"] = [int(x) - 1 for x in rest]
+        elif word == "surf":
+            target = body
+            target["range"] = [float(x) for x in rest[:4]]
+            target["index"] = [int(x) - 1 for x in rest[4:]]
+        elif word == "parm":
+            target[rest[0]] = np.array([float(x) for x in rest[1:]])
+        elif word == "trim":
+            target["trim"] = int(rest[2])
+    count_u, count_v = len(body["u"]) - 4, len(body["v"]) - 4
+    net = np.array(vertices)[body["index"]].reshape(count_v, count_u, 3)
+    return net, body, np.array(flat)[curve["index"]] if curve else None, curve
+
+
+def test_freeform_obj_read_from_the_manual_is_the_same_surface(
+    tmp_path, surface, outline
+):
+    path = obj.write_freeform_obj(tmp_path / "face.obj", surface, outline)
+    net, body, flat, curve = read_freeform(path)
+    assert body["range"] == [0, 1, 0, 1] and body["trim"] == 1
+    u, v = parameters()
+    along_v = BSpline(body["v"], net, 3)(1 - v)
+    basis = BSpline.design_matrix(u, body["u"], 3).toarray()
+    found = np.einsum("pi,pic->pc", basis, along_v)
+    assert relative_error(found, surface.evaluate(u, v)) < 1e-9
+    points = BSpline(curve["u"], flat, 3)(np.linspace(0, 1, 300)) * (1, -1) + (0, 1)
+    assert np.abs(signed_distance(outline, points)[0]).max() < 1e-3
+    assert "trim" not in obj.obj_text(exchange_surface(surface))
+    assert max(len(line) for line in path.read_text().splitlines()) <= 80
