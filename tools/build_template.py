@@ -242,6 +242,15 @@ def modes(displacements: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray
     return vt[:count] * s[:count, None], (s[:count] ** 2).sum() / (s**2).sum()
 
 
+def skin_map(patch_uv, triangles, kind, side=128) -> np.ndarray:
+    """Where skin is on a (side, side) grid of (u, v): 0 on eyes, nostrils, lip gap."""
+    skin = np.ones((side, side), np.uint8)
+    S, uv, _ = triangle_samples(patch_uv, triangles[kind != 0], 8)
+    at = np.clip((uv * side).astype(int), 0, side - 1)
+    skin[at[:, 0], at[:, 1]] = 0
+    return skin
+
+
 def vertex_areas(vertices, triangles):
     p = vertices[triangles]
     area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) / 2
@@ -301,6 +310,7 @@ def build(source: Path, targets: Path | None, shape=(40, 40)) -> dict[str, np.nd
         "scheme_68": np.array([x["index"] for x in sets["set68"]]),
         "scheme_40": np.array([x["index"] for x in sets["set40"]]),
         "outline_uv": param["patch_uv"][param["patch_boundary"]].astype(float),
+        "skin": skin_map(param["patch_uv"].astype(float), tri, kind),
         "eye_centres": head["eye_centres"],
         "identity_modes": f16(identity),
         "expression_modes": f16(expression),

@@ -38,6 +38,8 @@ class Template:
         Landmark schemes "468", "68" (iBUG order) and "40" as indices into the 468.
     outline_uv : (k, 2) array
         Closed polygon of the face in (u, v).
+    skin : (k, k) bool array
+        Cells of the parameter square that are skin: not eyes, nostrils, lip gap.
     eye_centres : (2, 3) array
         Right eye (x < 0) first.
     identity_modes, expression_modes : (k, M, N, 3) arrays
@@ -52,6 +54,7 @@ class Template:
     landmark_mirror: NDArray[np.int64]
     schemes: dict[str, NDArray[np.int64]]
     outline_uv: Array
+    skin: NDArray[np.bool_]
     eye_centres: Array
     identity_modes: Array
     expression_modes: Array
@@ -76,6 +79,12 @@ class Template:
         rise = np.where(a[:, 1] == b[:, 1], 1.0, b[:, 1] - a[:, 1])
         at = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
         return ((crosses & (x < at)).sum(-1) % 2).astype(bool)
+
+    def is_skin(self, uv: ArrayLike) -> NDArray[np.bool_]:
+        """Whether (u, v) lie on skin; ``(...,)`` bool."""
+        k = len(self.skin)
+        at = np.clip((np.asarray(uv, float) * k).astype(int), 0, k - 1)
+        return self.skin[at[..., 0], at[..., 1]]
 
     def resampled(self, shape: tuple[int, int]) -> Template:
         """The same template with another number of control points."""
@@ -122,6 +131,7 @@ def load_template(path: str | Path | None = None) -> Template:
                 "40": a["scheme_40"],
             },
             outline_uv=f["outline_uv"],
+            skin=a["skin"].astype(bool),
             eye_centres=f["eye_centres"],
             identity_modes=f["identity_modes"],
             expression_modes=f["expression_modes"],
