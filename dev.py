@@ -238,6 +238,8 @@ def demo(options: argparse.Namespace) -> int:
     say(f"reconstructing a face from the pictures of {PHOTOS.relative_to(ROOT)}")
     headless = str(ROOT / "bsface_addon" / "headless.py")
     command = [python, headless, "--", str(PHOTOS), str(DEMO / "face.blend")]
+    command += ["--npz", str(DEMO / "face.npz")]
+    command += ["--report", str(DEMO / "report.html")]
     code = call(command, limit=3600)
     if code == 0:
         say(f"in {DEMO.relative_to(ROOT)}:")
