@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bsface.output.formats import obj, rhino, step
-from bsface.output.formats.exchange import exchange_surface, outline_curve
+from bsface.output.formats.exchange import exchange_surface, outline_curves
 from bsface.output.formats.iges import write_iges
 from bsface.output.formats.mesh import signed_distance
 from fake_face import ellipse_outline, face_surface
@@ -42,7 +42,7 @@ def test_clamped_surface_turned_upwards_is_the_same_surface(surface):
 
 def test_outline_curve_is_closed_counter_clockwise_and_near_the_polygon(outline):
     for polygon in (outline, outline[::-1], np.vstack([outline, outline[:1]])):
-        curve = outline_curve(polygon)
+        (curve,) = outline_curves(polygon)
         points = curve(np.linspace(0, 1, 1000))
         np.testing.assert_array_equal(curve.control_points[0], curve.control_points[-1])
         x, y = points.T
@@ -52,23 +52,41 @@ def test_outline_curve_is_closed_counter_clockwise_and_near_the_polygon(outline)
 
 
 def test_outline_curve_stays_in_the_square_and_smooth_where_it_closes():
-    border = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-    curve = outline_curve(border)
+    wide = np.clip((ellipse_outline(200) - 0.5) * 1.3 + 0.5, 0, 1)
+    (curve,) = outline_curves(wide)
     points = curve(np.linspace(0, 1, 2000))
     assert points.min() >= 0 and points.max() <= 1
-    smooth = outline_curve(ellipse_outline(200))
+    (smooth,) = outline_curves(ellipse_outline(200))
     spline = BSpline(smooth.knots, smooth.control_points, 3).derivative()
     np.testing.assert_allclose(spline(0.0), spline(1.0), atol=1e-9)
 
 
-def test_edge_lies_on_the_surface(surface, outline):
-    face = exchange_surface(surface, outline)
+def test_outline_is_split_at_its_corners():
+    square = np.array([[0, 0], [0.5, 0], [1, 0], [1, 0.3], [1, 1], [0, 1]], float)
+    curves = outline_curves(square[::-1])
+    assert len(curves) == 4 and {len(c.control_points) for c in curves} == {4}
+    ends = np.array([c([0.0, 1.0]) for c in curves])
+    assert np.array_equal(ends[:, 1], np.roll(ends[:, 0], -1, axis=0))
+    assert sorted(ends[:, 0].tolist()) == [[0, 0], [0, 1], [1, 0], [1, 1]]
+
+
+def half_moon(count=80):
+    """Outline with two corners: half an ellipse and its chord."""
+    angle = np.linspace(0, np.pi, count)
+    return 0.5 + np.stack([0.4 * np.cos(angle), 0.4 * np.sin(angle)], axis=1)
+
+
+def test_edges_lie_on_the_surface(surface, outline):
     t = np.linspace(0, 1, 3333)
-    u, v = face.outline(t).T
-    off = np.linalg.norm(face.edge(t) - surface.evaluate(u, 1 - v), axis=1)
-    assert off.max() < 1e-4
+    for polygon, pieces in ((outline, 1), (half_moon(), 2)):
+        face = exchange_surface(surface, polygon)
+        assert len(face.edges) == len(face.outline) == pieces
+        for flat, edge in zip(face.outline, face.edges, strict=True):
+            u, v = flat(t).T
+            off = np.linalg.norm(edge(t) - surface.evaluate(u, 1 - v), axis=1)
+            assert off.max() < 2e-4
     with pytest.raises(ValueError, match="outline must be"):
-        outline_curve(np.zeros((2, 2)))
+        outline_curves(np.zeros((2, 2)))
 
 
 # -------------------------------------------------------------- OpenCASCADE
@@ -120,13 +138,11 @@ def grid_area(surface, outline, count=400):
     return size.sum() / count**2
 
 
-@pytest.mark.parametrize("trimmed", [True, False])
+@pytest.mark.parametrize("trim", [ellipse_outline(200), half_moon(), None])
 @pytest.mark.parametrize("kind", WRITERS)
-def test_opencascade_reads_the_same_valid_face(
-    tmp_path, surface, outline, kind, trimmed
-):
+def test_opencascade_reads_the_same_valid_face(tmp_path, surface, kind, trim):
     path = tmp_path / f"face.{kind}"
-    WRITERS[kind](path, surface, outline if trimmed else None)
+    WRITERS[kind](path, surface, trim)
     face, shape = read_cad(path)
     from OCP.BRep import BRep_Tool
     from OCP.BRepCheck import BRepCheck_Analyzer
@@ -147,7 +163,7 @@ def test_opencascade_reads_the_same_valid_face(
     assert relative_error(np.array(found), surface.evaluate(u, v)) < 1e-9
     # Orientation: the face's normals point out of the head.
     assert ((np.array(normals) * surface.normals(u, v)).sum(axis=1) > 0).all()
-    expected = grid_area(surface, outline if trimmed else None)
+    expected = grid_area(surface, trim)
     assert area(shape) == pytest.approx(expected, rel=1e-3)
 
 
@@ -232,7 +248,7 @@ def test_3dm_without_rhino3dm_says_what_to_install(tmp_path, surface, monkeypatc
 def read_freeform(path):
     """A reader of the free-form part of OBJ, written from the format's manual."""
     text = path.read_text().replace("\\\n", " ")
-    vertices, flat, body, curve = [], [], {}, {}
+    vertices, flat, body, curves = [], [], {}, []
     target = {}
     for line in text.splitlines():
         word, *rest = line.split() or [""]
@@ -241,8 +257,8 @@ def read_freeform(path):
         elif word == "vp":
             flat.append([float(x) for x in rest])
         elif word == "curv2":
-            target = curve
-            target["index"] = [int(x) - 1 for x in rest]
+            target = {"index": [int(x) - 1 for x in rest]}
+            curves.append(target)
         elif word == "surf":
             target = body
             target["range"] = [float(x) for x in rest[:4]]
@@ -250,24 +266,29 @@ def read_freeform(path):
         elif word == "parm":
             target[rest[0]] = np.array([float(x) for x in rest[1:]])
         elif word == "trim":
-            target["trim"] = int(rest[2])
+            target["trim"] = [int(x) for x in rest[2::3]]
     count_u, count_v = len(body["u"]) - 4, len(body["v"]) - 4
     net = np.array(vertices)[body["index"]].reshape(count_v, count_u, 3)
-    return net, body, np.array(flat)[curve["index"]] if curve else None, curve
+    return net, body, [BSpline(c["u"], np.array(flat)[c["index"]], 3) for c in curves]
 
 
 def test_freeform_obj_read_from_the_manual_is_the_same_surface(
     tmp_path, surface, outline
 ):
     path = obj.write_freeform_obj(tmp_path / "face.obj", surface, outline)
-    net, body, flat, curve = read_freeform(path)
-    assert body["range"] == [0, 1, 0, 1] and body["trim"] == 1
+    net, body, (loop,) = read_freeform(path)
+    assert body["range"] == [0, 1, 0, 1] and body["trim"] == [1]
     u, v = parameters()
     along_v = BSpline(body["v"], net, 3)(1 - v)
     basis = BSpline.design_matrix(u, body["u"], 3).toarray()
     found = np.einsum("pi,pic->pc", basis, along_v)
     assert relative_error(found, surface.evaluate(u, v)) < 1e-9
-    points = BSpline(curve["u"], flat, 3)(np.linspace(0, 1, 300)) * (1, -1) + (0, 1)
+    points = loop(np.linspace(0, 1, 300)) * (1, -1) + (0, 1)
     assert np.abs(signed_distance(outline, points)[0]).max() < 1e-3
     assert "trim" not in obj.obj_text(exchange_surface(surface))
     assert max(len(line) for line in path.read_text().splitlines()) <= 80
+    corners = obj.write_freeform_obj(tmp_path / "corners.obj", surface, half_moon())
+    _, body, loops = read_freeform(corners)
+    assert body["trim"] == [1, 2]
+    for one, other in zip(loops, loops[::-1], strict=True):
+        np.testing.assert_allclose(one(1.0), other(0.0), atol=1e-12)

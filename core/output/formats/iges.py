@@ -1,4 +1,4 @@
-"""IGES 5.3: entity 128 (B-spline surface), trimmed by 144 / 142 / 126; millimetres.
+"""IGES 5.3: entity 128 (B-spline surface), trimmed by 144, 142, 102, 126; millimetres.
 
 v of the file is 1 - v of the core, see :mod:`.exchange`. Equal faces give equal bytes.
 Reference: U.S. Product Data Association, Initial Graphics Exchange Specification 5.3,
@@ -76,13 +76,18 @@ def iges_text(face: ExchangeSurface, name: str = "face") -> str:
         )
         return pointer
 
-    outline, edge = face.outline, face.edge
-    if outline is None or edge is None:
+    def chain(curves: tuple[ExchangeCurve, ...], planar: bool, status: str) -> int:
+        """The curves of a loop, joined by a composite curve where there are several."""
+        closed = len(curves) == 1
+        pointers = [add(126, _curve(c, planar, closed), status) for c in curves]
+        return pointers[0] if closed else add(102, [len(curves), *pointers], status)
+
+    if not face.outline:
         add(128, _surface(face), _INDEPENDENT)
     else:
         surface = add(128, _surface(face), _DEPENDENT)
-        flat = add(126, _curve(outline, planar=True), _DEPENDENT_IN_PARAMETERS)
-        space = add(126, _curve(edge, planar=False), _DEPENDENT)
+        flat = chain(face.outline, True, _DEPENDENT_IN_PARAMETERS)
+        space = chain(face.edges, False, _DEPENDENT)
         # Made by no projection in particular; the curve in (u, v) is the master.
         on_surface = add(142, [0, surface, flat, space, 1], _DEPENDENT)
         add(144, [surface, 1, 0, on_surface], _INDEPENDENT)
@@ -143,12 +148,12 @@ def _surface(face: ExchangeSurface) -> list[float | int]:
     ]
 
 
-def _curve(curve: ExchangeCurve, planar: bool) -> list[float | int]:
+def _curve(curve: ExchangeCurve, planar: bool, closed: bool) -> list[float | int]:
     points = curve.control_points
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
     return [
-        *(len(points) - 1, 3, int(planar), 1, 1, 0),
+        *(len(points) - 1, 3, int(planar), int(closed), 1, 0),
         *curve.knots.tolist(),
         *np.ones(len(points)).tolist(),
         *points.ravel().tolist(),

@@ -49,17 +49,18 @@ def obj_text(face: ExchangeSurface, name: str = "face") -> str:
     # The first index of a surf statement is u and runs fastest.
     points = face.control_points.transpose(1, 0, 2).reshape(-1, 3)
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
-    if face.outline is not None:
-        flat = face.outline
-        count = len(flat.control_points)
-        lines += [f"vp {u!r} {v!r}" for u, v in flat.control_points.tolist()]
+    first = 1
+    for curve in face.outline:
+        count = len(curve.control_points)
+        lines += [f"vp {u!r} {v!r}" for u, v in curve.control_points.tolist()]
         lines += [
             "cstype bspline",
             "deg 3",
-            _joined("curv2", range(1, count + 1)),
-            _joined("parm u", flat.knots.tolist()),
+            _joined("curv2", range(first, first + count)),
+            _joined("parm u", curve.knots.tolist()),
             "end",
         ]
+        first += count
     lines += [
         "cstype bspline",
         "deg 3 3",
@@ -67,8 +68,9 @@ def obj_text(face: ExchangeSurface, name: str = "face") -> str:
         _joined("parm u", face.knots_u.tolist()),
         _joined("parm v", face.knots_v.tolist()),
     ]
-    if face.outline is not None:
-        lines.append("trim 0.0 1.0 1")
+    if face.outline:
+        curves = (f"0.0 1.0 {k}" for k in range(1, len(face.outline) + 1))
+        lines.append(f"trim {' '.join(curves)}")
     return "\n".join([*lines, "end", ""])
 
 

@@ -1,7 +1,7 @@
 """Rhino ``.3dm`` in millimetres, by the optional package ``rhino3dm`` (extra ``cad``).
 
-The file holds the clamped NURBS surface and, on a layer of its own, the outline as a
-NURBS curve. ``rhino3dm`` cannot make a trimmed face; in Rhino ``Trim`` with that curve
+The file holds the clamped NURBS surface and, on a layer of its own, the outline as
+NURBS curves. ``rhino3dm`` cannot make a trimmed face; in Rhino ``Trim`` with them
 does it in one step. v of the file is 1 - v of the core, see :mod:`.exchange`.
 """
 
@@ -67,17 +67,18 @@ def write_3dm(
             patch.Points[i, j] = rhino3dm.Point4d(x, y, z, 1.0)
     model.Objects.AddSurface(patch, _attributes(rhino3dm, name, 0))
 
-    if face.edge is not None:
+    if face.edges:
         layer = rhino3dm.Layer()
         layer.Name = "outline"
         index = model.Layers.Add(layer)
-        points = face.edge.control_points
-        curve = rhino3dm.NurbsCurve(3, False, 4, len(points))
-        for k, knot in enumerate(face.edge.knots[1:-1]):
-            curve.Knots[k] = float(knot)
-        for k, (x, y, z) in enumerate(points.tolist()):
-            curve.Points[k] = rhino3dm.Point4d(x, y, z, 1.0)
-        model.Objects.AddCurve(curve, _attributes(rhino3dm, f"{name} outline", index))
+        attributes = _attributes(rhino3dm, f"{name} outline", index)
+        for edge in face.edges:
+            curve = rhino3dm.NurbsCurve(3, False, 4, len(edge.control_points))
+            for k, knot in enumerate(edge.knots[1:-1]):
+                curve.Knots[k] = float(knot)
+            for k, (x, y, z) in enumerate(edge.control_points.tolist()):
+                curve.Points[k] = rhino3dm.Point4d(x, y, z, 1.0)
+            model.Objects.AddCurve(curve, attributes)
 
     path = Path(path)
     with replacing(path) as temporary:

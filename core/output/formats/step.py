@@ -1,7 +1,7 @@
 """STEP (ISO 10303-21, AP214): the face as a trimmed B-spline surface, millimetres.
 
-One ``OPEN_SHELL`` with one ``ADVANCED_FACE`` on a ``B_SPLINE_SURFACE_WITH_KNOTS``; its
-outline is one closed edge with a curve in space and its twin in (u, v). Without an
+One ``OPEN_SHELL`` with one ``ADVANCED_FACE`` on a ``B_SPLINE_SURFACE_WITH_KNOTS``; each
+edge of its outline has a curve in space and its twin in (u, v). Without an
 outline the four borders of the surface bound the face. v of the file is 1 - v of the
 core, see :mod:`.exchange`. Equal faces give equal bytes: the time stamp is fixed.
 """
@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ...surface.bspline import BSplineSurface
 from ..files import write_bytes
-from .exchange import ExchangeCurve, ExchangeSurface, exchange_surface
+from .exchange import ExchangeSurface, exchange_surface
 
 Array = npt.NDArray[np.float64]
 
@@ -54,11 +54,7 @@ def step_text(face: ExchangeSurface, name: str = "face") -> str:
     label = _string(name)
     context = _product(model, label)
     shape = _spline_surface(model, face)
-    outline, edge = face.outline, face.edge
-    if outline is None or edge is None:
-        loop = _border_loop(model, face, shape)
-    else:
-        loop = _closed_loop(model, shape, outline, edge)
+    loop = _trim_loop(model, face, shape) if face.outline else _border_loop(model, face)
     bound = model.add(f"FACE_OUTER_BOUND('',{loop},.T.)")
     advanced = model.add(f"ADVANCED_FACE({label},({bound}),{shape},.T.)")
     shell = model.add(f"OPEN_SHELL('',({advanced}))")
@@ -153,24 +149,26 @@ def _vertex(model: _Model, point: Array) -> str:
     return model.add(f"VERTEX_POINT('',{model.point(point)})")
 
 
-def _closed_loop(
-    model: _Model, surface: str, outline: ExchangeCurve, edge: ExchangeCurve
-) -> str:
-    space = _spline_curve(model, edge.control_points, edge.knots, closed=True)
-    flat = _spline_curve(model, outline.control_points, outline.knots, closed=True)
+def _trim_loop(model: _Model, face: ExchangeSurface, surface: str) -> str:
     plane = model.add(
         "( GEOMETRIC_REPRESENTATION_CONTEXT(2) "
         "PARAMETRIC_REPRESENTATION_CONTEXT() REPRESENTATION_CONTEXT('2D SPACE','') )"
     )
-    definition = model.add(f"DEFINITIONAL_REPRESENTATION('',({flat}),{plane})")
-    pcurve = model.add(f"PCURVE('',{surface},{definition})")
-    curve = model.add(f"SURFACE_CURVE('',{space},({pcurve}),.PCURVE_S1.)")
-    start = _vertex(model, edge.control_points[0])
-    oriented = _oriented_edge(model, start, start, curve)
-    return model.add(f"EDGE_LOOP('',({oriented}))")
+    count = len(face.edges)
+    vertices = [_vertex(model, edge.control_points[0]) for edge in face.edges]
+    oriented = []
+    for index, (flat, edge) in enumerate(zip(face.outline, face.edges, strict=True)):
+        space = _spline_curve(model, edge.control_points, edge.knots, count == 1)
+        drawn = _spline_curve(model, flat.control_points, flat.knots, count == 1)
+        definition = model.add(f"DEFINITIONAL_REPRESENTATION('',({drawn}),{plane})")
+        pcurve = model.add(f"PCURVE('',{surface},{definition})")
+        curve = model.add(f"SURFACE_CURVE('',{space},({pcurve}),.PCURVE_S1.)")
+        start, end = vertices[index], vertices[(index + 1) % count]
+        oriented.append(_oriented_edge(model, start, end, curve))
+    return model.add(f"EDGE_LOOP('',({','.join(oriented)}))")
 
 
-def _border_loop(model: _Model, face: ExchangeSurface, surface: str) -> str:
+def _border_loop(model: _Model, face: ExchangeSurface) -> str:
     """The four borders of the (u, v) square, counter-clockwise."""
     net = face.control_points
     sides = (
