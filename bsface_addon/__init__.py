@@ -1,0 +1,31 @@
+"""The Blender side of bsface: everything that needs `bpy`."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import headless, job, panels, preferences, properties
+from .operators import reconstruct
+
+# Registered in this order, unregistered backwards: properties before what uses them.
+MODULES = (properties, preferences, reconstruct, panels, headless)
+
+
+@persistent
+def stop_job(*_):
+    """A job belongs to the file it was started in."""
+    job.end()
+
+
+def register():
+    for module in MODULES:
+        module.register()
+    bpy.app.handlers.load_pre.append(stop_job)
+
+
+def unregister():
+    job.end()
+    bpy.app.handlers.load_pre.remove(stop_job)
+    for module in reversed(MODULES):
+        module.unregister()

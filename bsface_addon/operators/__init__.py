@@ -1,0 +1,1 @@
+"""What the buttons do: each operator reads properties, calls core, writes objects."""

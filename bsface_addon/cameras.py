@@ -1,0 +1,183 @@
+"""One Blender camera per photo, with the photo as its background.
+
+The core's camera (`core/evidence/camera.py`) projects a head point Q in millimetres
+as ``X = R Q``, ``pixel = principal + (t + s (X_x, -X_y)) / (1 - kappa X_z)``: with
+``kappa > 0`` a perspective camera at the distance ``1 / kappa`` whose focal length is
+``s / kappa`` pixels, with ``kappa = 0`` a scaled orthographic one.  Blender's camera
+axes (x right, y up, looking along -z) are the core's.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+# An orthographic camera has no place along its axis; it must stand before the face.
+ORTHOGRAPHIC_DISTANCE_MM = 1000.0
+SENSOR_MM = 36.0
+PHOTO_KEY = "bsface_photo"
+SIZE_KEY = "bsface_photo_size"
+
+
+def camera_to_head(camera, size):
+    """Where the camera stands in the head's axes.
+
+    Parameters
+    ----------
+    camera : core Camera
+    size : (int, int)
+        Width and height of the photo in pixels.
+
+    Returns
+    -------
+    (4, 4) array
+        Camera axes -> head axes, millimetres.
+    """
+    R, t, s = np.asarray(camera.R, float), np.asarray(camera.t, float), float(camera.s)
+    if camera.kappa > 0:
+        centre = np.array([-t[0] / s, t[1] / s, 1.0 / camera.kappa])
+    else:
+        middle = (np.asarray(size, float) - 1) / 2 - camera.principal - t
+        centre = np.array([middle[0] / s, -middle[1] / s, ORTHOGRAPHIC_DISTANCE_MM])
+    pose = np.eye(4)
+    pose[:3, :3] = R.T
+    pose[:3, 3] = R.T @ centre
+    return pose
+
+
+def set_lens(data, camera, size, unit):
+    """Give camera data the projection of a core camera.
+
+    Parameters
+    ----------
+    data : bpy.types.Camera
+    unit : float
+        Blender units per millimetre.
+    """
+    longer = max(size)
+    data.sensor_fit = "AUTO"
+    data.sensor_width = SENSOR_MM
+    if camera.kappa > 0:
+        # Blender's shift is in parts of the longer side; pixel centres are integers.
+        off = (np.asarray(size, float) - 1) / 2 - camera.principal
+        data.type = "PERSP"
+        data.lens = camera.s / camera.kappa * SENSOR_MM / longer
+        data.shift_x, data.shift_y = off[0] / longer, -off[1] / longer
+        distance = unit / camera.kappa
+    else:
+        data.type = "ORTHO"
+        data.ortho_scale = longer / camera.s * unit
+        data.shift_x = data.shift_y = 0.0
+        distance = unit * ORTHOGRAPHIC_DISTANCE_MM
+    data.clip_start, data.clip_end = distance / 100, distance * 10
+    data.display_size = 20 * unit
+    data.passepartout_alpha = 0.5
+
+
+def add(face, name, camera, photo, collection):
+    """Add the camera of one photo.
+
+    It is a child of the face, so that both move together, but keeps scale 1.
+
+    Parameters
+    ----------
+    face : bpy.types.Object
+    camera, photo : core Camera and Photo
+    collection : bpy.types.Collection
+
+    Returns
+    -------
+    bpy.types.Object
+    """
+    unit = face.matrix_world.to_scale().x
+    data = bpy.data.cameras.new(name)
+    set_lens(data, camera, photo.size, unit)
+    obj = bpy.data.objects.new(name, data)
+    collection.objects.link(obj)
+    obj.parent = face
+    obj.matrix_parent_inverse = Matrix.Scale(1 / unit, 4)
+    pose = Matrix(camera_to_head(camera, photo.size))
+    pose.translation *= unit
+    obj.matrix_basis = pose
+    obj[PHOTO_KEY] = photo.name
+    obj[SIZE_KEY] = [int(photo.size[0]), int(photo.size[1])]
+    background(data, photo)
+    return obj
+
+
+def background(data, photo):
+    """Show the photo behind the camera, turned as the core has turned it."""
+    image = photo_image(photo)
+    if image is None:
+        return
+    data.show_background_images = True
+    slot = data.background_images.new()
+    slot.image = image
+    slot.alpha = 1.0
+    slot.display_depth = "BACK"
+    slot.frame_method = "FIT"
+    angle, flip = orientation(photo.path)
+    slot.rotation, slot.use_flip_x = angle, flip
+    if round(math.degrees(angle)) % 180:
+        # FIT fits the unturned picture into the frame; after a quarter turn its
+        # longer side has to reach the frame's longer side again.
+        slot.scale = max(photo.size) / min(photo.size)
+
+
+def photo_image(photo):
+    """The photo's image block: its file, linked once, or None."""
+    if photo.path is None or not Path(photo.path).is_file():
+        return None
+    image = bpy.data.images.load(str(Path(photo.path).resolve()), check_existing=True)
+    image.name = photo.name
+    return image
+
+
+def orientation(path):
+    """How the core turned the picture (EXIF), which Blender does not do.
+
+    Returns
+    -------
+    angle : float
+        Counter-clockwise turn in radians, a multiple of a quarter turn.
+    flip : bool
+        Whether left and right are exchanged before the turn.
+    """
+    import cv2
+
+    small = cv2.IMREAD_REDUCED_COLOR_8
+    data = np.fromfile(path, np.uint8)
+    stored = cv2.imdecode(data, small | cv2.IMREAD_IGNORE_ORIENTATION)
+    shown = cv2.imdecode(data, small)
+    if stored is None or shown is None:
+        return 0.0, False
+    for flip in (False, True):
+        start = stored[:, ::-1] if flip else stored
+        for quarter in range(4):
+            if np.array_equal(np.rot90(start, quarter), shown):
+                return quarter * math.pi / 2, flip
+    return 0.0, False
+
+
+def of_face(face):
+    """The face's cameras, in the order of their photos' names."""
+    found = [obj for obj in face.children if obj.type == "CAMERA" and PHOTO_KEY in obj]
+    return sorted(found, key=lambda obj: obj.name)
+
+
+def look_through(context, camera, switch_views=True):
+    """Make it the scene's camera; the frame gets the photo's proportions."""
+    render = context.scene.render
+    render.resolution_x, render.resolution_y = camera[SIZE_KEY]
+    render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+    context.scene.camera = camera
+    if not switch_views:
+        return
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.spaces.active.region_3d.view_perspective = "CAMERA"

@@ -1,0 +1,390 @@
+"""The add-on without a window: a script, and the command ``blender --command bsface``.
+
+Four ways to the same `main`::
+
+    blender --background --python bsface_addon/headless.py -- PHOTOS OUT.blend
+    python bsface_addon/headless.py -- PHOTOS OUT.blend       (Python with bpy)
+    blender --command bsface PHOTOS -o OUT.blend              (installed extension)
+    blender --command bsface info OUT.blend
+
+Exit codes: 0 done, 1 the job failed (one sentence on stderr says why), 2 wrong
+usage, 130 interrupted.  No option begins with ``--c``: Blender's Cycles add-on reads
+the same arguments and stops at those.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+FAILED, USAGE, INTERRUPTED = 1, 2, 130
+COMMAND = "bsface"
+VERBS = ("reconstruct", "export", "info")
+
+
+def main(arguments):
+    """Run one command.
+
+    Parameters
+    ----------
+    arguments : list of str
+        Without the program's name; a missing verb is ``reconstruct``.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    from ..core.errors import ReconstructionError
+
+    arguments = list(arguments)
+    if not arguments or arguments[0] not in (*VERBS, "-h", "--help"):
+        arguments.insert(0, "reconstruct")
+    try:
+        options = _parser().parse_args(arguments)
+    except SystemExit as error:
+        return int(error.code or 0)
+    try:
+        facts = options.run(options)
+    except ReconstructionError as error:
+        _say_failure(options, str(error))
+        return FAILED
+    except ImportError as error:
+        from . import messages
+
+        _say_failure(options, messages.MISSING.format(missing=error.name or error))
+        return FAILED
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    if options.json:
+        print(json.dumps({"ok": True, **facts}, ensure_ascii=False), flush=True)
+    return 0
+
+
+def reconstruct(options):
+    """``reconstruct PHOTOS OUT.blend``: solve, build the scene, write the files."""
+    import bpy
+
+    from ..core.errors import ReconstructionError
+    from ..core.evidence.photos import list_photos
+    from . import pipeline
+
+    output = Path(options.output or options.out or "")
+    if output.suffix.lower() != ".blend":
+        raise ReconstructionError(
+            f"Give a second name that ends in .blend for the result, "
+            f"not {str(output)!r}."
+        )
+    photos = list_photos(options.photos)
+    changes = pipeline.parsed(options.settings)
+    if options.method:
+        changes["method"] = options.method
+    if options.points:
+        changes["control_points"] = _points(options.points)
+    _empty_file(bpy)
+    request = pipeline.Request(
+        photos=photos,
+        settings=pipeline.settings(bpy.context.scene.bsface.settings, changes),
+        name=options.name or pipeline.face_name(photos),
+        ignore=tuple(options.ignore),
+    )
+    console = Console(options.quiet or options.json)
+    try:
+        outcome = pipeline.solve(request, console)
+    finally:
+        console.close()
+    face = _build(bpy, request, outcome, options)
+    written = _write(bpy, output, outcome.result, options)
+    return _facts(face, outcome.result, written, console.say)
+
+
+def info(options):
+    """``info FILE``: what a .blend, .npz holds."""
+    import bpy
+
+    from . import scene, surface_object
+
+    path = _existing(options.file)
+    if path.suffix.lower() == ".npz":
+        from ..core.output.formats.npz import read_npz
+
+        saved = read_npz(path)
+        found = [_summary(path.stem, saved.surface.shape, saved.report, saved.settings)]
+    else:
+        _open(bpy, path)
+        found = [
+            _summary(
+                face.name,
+                surface_object.shape(face),
+                scene.stored(face, scene.REPORT, []),
+                scene.stored(face, scene.SETTINGS, {}),
+            )
+            for face in bpy.data.objects
+            if scene.is_face(face)
+        ]
+    if not options.json:
+        for face in found:
+            _print_summary(face)
+    return {"file": str(path), "faces": found}
+
+
+class Console:
+    """Progress on stderr: a bar where somebody watches, a line per stage elsewhere."""
+
+    def __init__(self, quiet):
+        self.quiet = quiet
+        self.bar = sys.stderr.isatty()
+        self.stage = None
+        self.started = time.monotonic()
+
+    def __call__(self, step):
+        if self.quiet:
+            return
+        if step.stage != self.stage:
+            self.close()
+            self.stage, self.started = step.stage, time.monotonic()
+        if self.bar:
+            part = step.done / max(step.total, 1)
+            filled = round(24 * part)
+            line = f"\r{step.stage:>10} [{'#' * filled:24}] {step.message[:40]:40}"
+            print(line, end="", file=sys.stderr, flush=True)
+        self.message = step.message
+
+    def close(self):
+        """End the line of the stage that ran."""
+        if self.stage is not None and not self.quiet:
+            seconds = time.monotonic() - self.started
+            start = "\r" if self.bar else ""
+            text = f"{start}{self.stage:>10} {seconds:6.1f} s  {self.message[:60]:60}"
+            print(text, file=sys.stderr, flush=True)
+        self.stage = None
+
+    def say(self, text):
+        """One line for people."""
+        if not self.quiet:
+            print(text, file=sys.stderr, flush=True)
+
+
+def _parser():
+    parser = argparse.ArgumentParser(
+        prog=COMMAND, description="Photos of one person in, an editable NURBS face out."
+    )
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    add = verbs.add_parser(
+        "reconstruct", help="photos -> .blend (what happens without a verb)"
+    )
+    add.add_argument("photos", metavar="PHOTOS", help="folder with the photos")
+    add.add_argument("out", metavar="OUT.blend", nargs="?", help="file to write")
+    add.add_argument("-o", "--output", metavar="OUT.blend", help="the same")
+    add.add_argument("--npz", metavar="FILE", help="write the face file too")
+    add.add_argument("--report", metavar="FILE", help="write the report page too")
+    add.add_argument("--name", default="", help="name of the face object")
+    add.add_argument("--method", help="joint, imls, paper or motion")
+    add.add_argument("--points", metavar="MxN", help="control points, such as 40x40")
+    add.add_argument(
+        "--settings", metavar="JSON", default="", help="further settings as JSON object"
+    )
+    add.add_argument(
+        "--ignore", metavar="PHOTO", action="append", default=[], help="leave one out"
+    )
+    add.add_argument(
+        "--size", type=float, default=1.0, help="1 is life size in metres (default)"
+    )
+    add.add_argument("--quiet", action="store_true", help="no progress")
+    add.set_defaults(run=reconstruct)
+    show = verbs.add_parser("info", help="what a .blend or .npz holds")
+    show.add_argument("file", metavar="FILE")
+    show.set_defaults(run=info)
+    for verb in (add, show):
+        verb.add_argument(
+            "--json", action="store_true", help="the result as one line of JSON"
+        )
+    return parser
+
+
+def _points(text):
+    from ..core.errors import ReconstructionError
+
+    across, _, down = text.lower().partition("x")
+    try:
+        return int(across), int(down or across)
+    except ValueError:
+        raise ReconstructionError(
+            f"--points wants two numbers such as 40x40, not {text!r}."
+        ) from None
+
+
+def _existing(name):
+    from ..core.errors import ReconstructionError
+
+    path = Path(name)
+    if not path.is_file():
+        raise ReconstructionError(f"There is no file {name}; give a .blend or .npz.")
+    return path.resolve()
+
+
+def _open(bpy, path):
+    from ..core.errors import ReconstructionError
+
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+    except RuntimeError:
+        raise ReconstructionError(
+            f"{path.name} is not a .blend file that this Blender can open."
+        ) from None
+
+
+def _empty_file(bpy):
+    """A file with nothing in it, unless one was opened on the command line."""
+    if not bpy.data.filepath:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    if not hasattr(bpy.types.Scene, "bsface"):
+        from . import register
+
+        register()
+
+
+def _build(bpy, request, outcome, options):
+    from . import photo_list, pipeline, scene
+
+    context = bpy.context
+    face = pipeline.deliver(context, request, outcome, scale=options.size)
+    state = context.scene.bsface
+    state.face = face
+    photo_list.replace(state, request.photos)
+    photo_list.take_reports(state, outcome.result.reports)
+    if not bpy.data.filepath:
+        scene.present(context, face)
+    return face
+
+
+def _write(bpy, output, result, options):
+    """Write what was asked for; each file appears whole or not at all."""
+    from ..core.output.files import replacing
+
+    written = [output]
+    with replacing(output) as temporary:
+        _relative_images(bpy, output.resolve().parent)
+        bpy.ops.wm.save_as_mainfile(
+            filepath=str(temporary.resolve()), compress=True, relative_remap=False
+        )
+    if options.npz:
+        from ..core.output.formats.npz import write_npz
+
+        written.append(write_npz(options.npz, result))
+    if options.report:
+        from ..core.output.report import write_report
+
+        written.append(write_report(options.report, result))
+    return [str(path) for path in written]
+
+
+def _relative_images(bpy, folder):
+    """Photos are found again when the file moves together with them."""
+    for image in bpy.data.images:
+        if image.source == "FILE" and image.filepath and not image.packed_file:
+            path = bpy.path.abspath(image.filepath)
+            try:
+                image.filepath = bpy.path.relpath(path, start=str(folder))
+            except ValueError:
+                image.filepath = path  # on another drive
+
+
+def _facts(face, result, written, say):
+    from . import messages
+
+    say(messages.done(face, result.reports))
+    for report in result.reports:
+        if report.status != "used":
+            say(f"  left out: {report.reason or report.name}")
+    for warning in result.warnings:
+        say(f"  note: {warning}")
+    for path in written:
+        say(f"  wrote {path}")
+    return {
+        "face": face.name,
+        "written": written,
+        "warnings": list(result.warnings),
+        "photos": [
+            {"name": r.name, "status": r.status, "reason": r.reason}
+            for r in result.reports
+        ],
+    }
+
+
+def _summary(name, shape, report, settings):
+    used = [row for row in report if row.get("status") == "used"]
+    return {
+        "name": name,
+        "control_points": list(shape),
+        "photos": len(report),
+        "used": len(used),
+        "settings": settings,
+        "report": report,
+    }
+
+
+def _print_summary(face):
+    across, down = face["control_points"]
+    print(f"{face['name']}: {across} x {down} control points")
+    print(f"  {face['used']} of {face['photos']} photos used")
+    for row in face["report"]:
+        if row.get("status") != "used":
+            print(f"  {row['name']}: {row.get('reason') or row.get('status')}")
+
+
+def _say_failure(options, sentence):
+    if options.json:
+        print(json.dumps({"ok": False, "error": sentence}, ensure_ascii=False))
+    print(f"{COMMAND}: {sentence}", file=sys.stderr, flush=True)
+
+
+_handle = None
+
+
+def register():
+    """Make ``blender --command bsface`` known."""
+    global _handle
+    import bpy
+
+    _handle = bpy.utils.register_cli_command(COMMAND, main)
+
+
+def unregister():
+    global _handle
+    import bpy
+
+    if _handle is not None:
+        bpy.utils.unregister_cli_command(_handle)
+        _handle = None
+
+
+def _as_script():
+    """Run from this file's path: load the extension's folder as a package."""
+    import importlib.util
+
+    root = Path(__file__).resolve().parents[1]
+    spec = importlib.util.spec_from_file_location(
+        "bsface_script", root / "__init__.py", submodule_search_locations=[str(root)]
+    )
+    sys.modules["bsface_script"] = importlib.util.module_from_spec(spec)
+    module = importlib.import_module("bsface_script.bsface_addon.headless")
+    given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    code = module.main(given)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    import bpy
+
+    if not bpy.app.binary_path:
+        # Python with the module bpy, which has hung at the interpreter's end.
+        os._exit(code)
+    if code:
+        sys.exit(code)
+
+
+if __name__ == "__main__":
+    _as_script()

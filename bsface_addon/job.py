@@ -1,0 +1,140 @@
+"""A long piece of core work beside Blender's user interface.
+
+The worker thread runs core code only: it holds no bpy object and not the operator
+(a bpy call from a thread during a redraw crashes Blender).  What it has to tell
+goes through a queue; the main thread empties it on a timer.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+import traceback
+
+# The one job of this Blender session, so that the panels can draw its progress.
+# Not saved in the file: a file can never come up with a locked panel.
+_current = None
+
+
+class Job:
+    """``work(progress)`` in a thread; the main thread calls `poll`.
+
+    Parameters
+    ----------
+    work : callable
+        Takes the core's progress callback; must not touch bpy.
+
+    Attributes
+    ----------
+    step : Step or None
+        The newest report of the core.
+    result, error : object
+        Set when `finished`: exactly one of them unless the job was cancelled.
+    trace : str
+        The error's traceback, for the copyable error block.
+    """
+
+    def __init__(self, work, cancelled):
+        self.step = None
+        self.result = None
+        self.error = None
+        self.trace = ""
+        self.finished = False
+        self.started = time.monotonic()
+        self._news = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(
+            target=_run,
+            args=(work, self._news, self._stop, cancelled),
+            name="bsface",
+            daemon=True,
+        )
+        self._thread.start()
+
+    def poll(self):
+        """Take what the worker sent; whether there was news."""
+        news = False
+        while True:
+            try:
+                kind, value = self._news.get_nowait()
+            except queue.Empty:
+                return news
+            news = True
+            if kind == "step":
+                self.step = value
+            else:
+                self.finished = True
+                if kind == "result":
+                    self.result = value
+                elif kind == "error":
+                    self.error, self.trace = value
+
+    def cancel(self):
+        """Ask the worker to stop; returns at once, its result is dropped."""
+        self._stop.set()
+
+    @property
+    def cancelled(self):
+        return self._stop.is_set()
+
+    def wait(self, seconds):
+        """Wait for the worker to end (tests and quitting only)."""
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
+
+    @property
+    def fraction(self):
+        """Done part in [0, 1]."""
+        return 0.0 if self.step is None else min(max(self.step.overall, 0.0), 1.0)
+
+    def remaining(self):
+        """Seconds left by the pace so far; None while that would be a guess."""
+        passed = time.monotonic() - self.started
+        if self.fraction < 0.05 or passed < 2.0:
+            return None
+        return passed * (1.0 - self.fraction) / self.fraction
+
+
+def start(work, cancelled):
+    """Start the job of this session.
+
+    Parameters
+    ----------
+    work : callable
+        See `Job`.
+    cancelled : type
+        The exception by which ``progress`` stops the work (core.errors.Cancelled).
+    """
+    global _current
+    if _current is not None:
+        raise RuntimeError("a job is running already")
+    _current = Job(work, cancelled)
+    return _current
+
+
+def current():
+    """The running job, or None."""
+    return _current
+
+
+def end():
+    """Forget the running job; stops it where it still works."""
+    global _current
+    if _current is not None:
+        _current.cancel()
+        _current = None
+
+
+def _run(work, news, stop, cancelled):
+    def progress(step):
+        if stop.is_set():
+            raise cancelled()
+        news.put(("step", step))
+
+    try:
+        news.put(("result", work(progress)))
+    except cancelled:
+        news.put(("cancelled", None))
+    except BaseException as error:
+        news.put(("error", (error, traceback.format_exc())))

@@ -1,0 +1,148 @@
+"""Every sentence the add-on says to the user, with what to do about it.
+
+A core error is a sentence with its remedy already; it is passed on as it is.
+"""
+
+from __future__ import annotations
+
+import platform
+import sys
+
+# code of a photo's status -> (word in the row, icon, advice)
+PHOTO_STATUS = {
+    "waiting": ("waiting", "BLANK1", "Not looked at yet."),
+    "found": ("face found", "CHECKMARK", "The face was found."),
+    "used": ("used", "CHECKMARK", "This photo shapes the face."),
+    "ignored": (
+        "ignored",
+        "HIDE_ON",
+        "You left this photo out; click its box to use it again.",
+    ),
+    "unreadable": (
+        "unreadable",
+        "ERROR",
+        "Open the photo in another program and save it as JPEG or PNG.",
+    ),
+    "too_large": (
+        "too large",
+        "ERROR",
+        "Save the photo with fewer pixels; 2000 across is plenty.",
+    ),
+    "no_face": (
+        "no face found",
+        "ERROR",
+        "Turn the photo upright, or load landmarks from a .pts file.",
+    ),
+    "small_face": (
+        "face too small",
+        "ERROR",
+        "Use a closer photo: the face should be at least 60 pixels wide.",
+    ),
+    "blurred": ("blurred", "ERROR", "Use a sharp photo."),
+    "dark": ("too dark", "ERROR", "Use a brighter photo."),
+    "bright": ("too bright", "ERROR", "Use a photo that is not overexposed."),
+    "implausible": (
+        "landmarks implausible",
+        "ERROR",
+        "Drag the landmarks to their places, or choose another face.",
+    ),
+    "other_person": (
+        "another person",
+        "ERROR",
+        "Choose the right face of this photo, or ignore the photo.",
+    ),
+    "duplicate": ("duplicate", "DUPLICATE", "The same photo is in the list twice."),
+}
+
+NO_PHOTOS = "Add photos of one person first"
+NO_FOLDER = "Choose a folder with photos of one person"
+RUNNING = "Wait for the running job, or press Esc over the 3D view to stop it"
+NO_FACE_OBJECT = "Select a face that BSface made, or press Reconstruct first"
+NO_CAMERAS = "This face has no cameras; reconstruct it again"
+NOT_A_SURFACE = "{name} is not a bicubic NURBS surface any more; undo, or reconstruct"
+CANCELLED = "Stopped; the scene is as it was"
+MISSING = (
+    "The library {missing} is missing; install the BSface zip that fits this Blender "
+    "and platform, not the source folder"
+)
+UNEXPECTED = (
+    "An error inside BSface ({error}); the scene is as it was. Please copy the system "
+    "information at the end of the panel into a report"
+)
+BAD_SETTINGS = "The settings are not usable: {why}"
+
+
+def done(face, reports):
+    """The sentence after a run."""
+    used = sum(report.status == "used" for report in reports)
+    return f"{face.name}: {used} of {len(reports)} photos used"
+
+
+def photo_status(code):
+    """(word, icon, advice) of a photo's status code."""
+    return PHOTO_STATUS.get(code, (code, "QUESTION", ""))
+
+
+STAGES = {
+    "photos": "Reading photos",
+    "landmarks": "Finding faces",
+    "motion": "Placing cameras",
+    "shading": "Measuring light",
+    "refine": "Refining the surface",
+    "output": "Painting the texture",
+}
+
+
+def progress_line(running):
+    """Stage, its count and the time left of a running job."""
+    step = running.step
+    if step is None:
+        return "Starting"
+    line = STAGES.get(step.stage, step.stage)
+    if step.total > 1:
+        line += f" {step.done}/{step.total}"
+    left = running.remaining()
+    return line if left is None else f"{line}, {duration(left)}"
+
+
+def duration(seconds):
+    """``"about 40 s left"``; minutes above a minute and a half."""
+    if seconds > 90:
+        return f"about {round(seconds / 60)} min left"
+    return f"about {max(round(seconds), 1)} s left"
+
+
+def system_information(context=None):
+    """What a bug report needs, as text to paste."""
+    import bpy
+
+    lines = [
+        f"BSface {extension_version()}",
+        f"Blender {bpy.app.version_string} ({bpy.app.build_platform.decode()})",
+        f"Python {sys.version.split()[0]}, {platform.platform()}",
+    ]
+    for name in ("numpy", "scipy", "cv2"):
+        try:
+            lines.append(f"{name} {__import__(name).__version__}")
+        except ImportError as error:
+            lines.append(f"{name} missing: {error}")
+    if not bpy.app.background:
+        try:
+            import gpu
+
+            lines.append(f"{gpu.platform.renderer_get()} {gpu.platform.version_get()}")
+        except SystemError:
+            lines.append("no GPU")
+    return "\n".join(lines)
+
+
+def extension_version():
+    """Version from the extension's manifest."""
+    import tomllib
+    from pathlib import Path
+
+    manifest = Path(__file__).resolve().parents[1] / "blender_manifest.toml"
+    try:
+        return tomllib.loads(manifest.read_text("utf-8"))["version"]
+    except (OSError, KeyError, ValueError):
+        return "unknown"

@@ -1,0 +1,101 @@
+"""The one big button: photos in, surface out."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, IntProperty, StringProperty
+
+from ...core.errors import ReconstructionError
+from .. import job, messages, photo_list, pipeline, scene
+from . import running
+
+
+class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
+    """Make the face as an editable NURBS surface from the photos"""
+
+    bl_idname = "bsface.reconstruct"
+    bl_label = "Reconstruct"
+    bl_options = {"UNDO"}
+
+    directory: StringProperty(
+        name="Folder",
+        description="Folder with photos of one person; empty: the photos of the list",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE"},
+    )
+    name: StringProperty(
+        name="Name",
+        description="Name of a new face; empty: the name of the folder",
+        options={"SKIP_SAVE"},
+    )
+    control_points_u: IntProperty(
+        name="Control Points Across",
+        description="Columns of control points; 0: as set in the panel",
+        min=0,
+        max=200,
+        options={"SKIP_SAVE"},
+    )
+    control_points_v: IntProperty(
+        name="Control Points Down",
+        description="Rows of control points; 0: as set in the panel",
+        min=0,
+        max=200,
+        options={"SKIP_SAVE"},
+    )
+    settings: StringProperty(
+        name="Settings",
+        description="JSON object of settings that differ from the panel's",
+        options={"SKIP_SAVE"},
+    )
+    separate: BoolProperty(
+        name="Make Another Face",
+        description="Make a new object even where a face can be updated",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context):
+        if job.current() is not None:
+            cls.poll_message_set(messages.RUNNING)
+            return False
+        return True
+
+    def prepare(self, context):
+        state = context.scene.bsface
+        if self.directory:
+            from ...core.evidence.photos import list_photos
+
+            photos = list_photos(bpy.path.abspath(self.directory))
+        else:
+            photos = photo_list.paths(state)
+        if not photos:
+            raise ReconstructionError(messages.NO_PHOTOS)
+        changes = pipeline.parsed(self.settings)
+        if self.control_points_u or self.control_points_v:
+            changes["control_points"] = (
+                self.control_points_u or state.settings.control_points_u,
+                self.control_points_v or state.settings.control_points_v,
+            )
+        return pipeline.Request(
+            photos=photos,
+            settings=pipeline.settings(state.settings, changes),
+            name=self.name or pipeline.face_name(photos),
+            ignore=() if self.directory else photo_list.ignored(state),
+        )
+
+    def deliver(self, context, request, outcome):
+        state = context.scene.bsface
+        separate = self.separate or state.separate
+        face = None if separate else scene.active_face(context)
+        face = pipeline.deliver(context, request, outcome, face=face, scale=state.size)
+        state.face = face
+        if self.directory:
+            photo_list.replace(state, request.photos)
+        photo_list.take_reports(state, outcome.result.reports)
+        for warning in outcome.result.warnings:
+            self.report({"WARNING"}, warning)
+        self.report({"INFO"}, messages.done(face, outcome.result.reports))
+
+
+CLASSES = (BSFACE_OT_reconstruct,)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,119 @@
+"""The add-on's state in the file: one group on the scene, nothing else global.
+
+What belongs to a face (settings of its run, report, landmarks) is stored on the
+face object as custom properties, see `scene`.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+METHODS = (
+    ("joint", "Joint", "Shading and motion in one system; the most accurate", 0),
+    ("imls", "Alternating", "Shading and motion in turn, robust", 1),
+    ("paper", "As printed", "The published algorithm as it is written", 2),
+    ("motion", "Landmarks only", "No shading; quick, and coarse", 3),
+)
+SCHEMES = (
+    ("468", "468", "All points of the face mesh", 0),
+    ("68", "68", "The iBUG points", 1),
+    ("40", "40", "The paper's points", 2),
+)
+
+
+class BSFACE_PG_photo(bpy.types.PropertyGroup):
+    """One row of the photo list."""
+
+    name: StringProperty(name="Name", description="Name of the photo in the report")
+    path: StringProperty(name="File", subtype="FILE_PATH")
+    use: BoolProperty(
+        name="Use", description="Use this photo in the next run", default=True
+    )
+    status: StringProperty(name="Status", default="waiting")
+    reason: StringProperty(name="Reason")
+    yaw: FloatProperty(name="Turned", description="Degrees to the picture's right")
+    faces: IntProperty(name="Faces", description="Faces seen in this photo")
+
+
+class BSFACE_PG_settings(bpy.types.PropertyGroup):
+    """The settings that an artist changes; the rest keep the core's defaults."""
+
+    method: EnumProperty(
+        name="Method", description="How the surface is solved", items=METHODS
+    )
+    control_points_u: IntProperty(
+        name="Control Points Across",
+        description="Columns of control points; more give finer detail",
+        default=40,
+        min=4,
+        soft_min=12,
+        soft_max=80,
+        max=200,
+    )
+    control_points_v: IntProperty(
+        name="Control Points Down",
+        description="Rows of control points; more give finer detail",
+        default=40,
+        min=4,
+        soft_min=12,
+        soft_max=80,
+        max=200,
+    )
+    landmarks: EnumProperty(
+        name="Landmarks", description="Which landmarks are used", items=SCHEMES
+    )
+    detector: BoolProperty(
+        name="Detect Faces",
+        description="Find landmarks in photos that have no landmark file beside them",
+        default=True,
+    )
+
+
+class BSFACE_PG_scene(bpy.types.PropertyGroup):
+    """Everything of the scene."""
+
+    photos: CollectionProperty(type=BSFACE_PG_photo)
+    active_photo: IntProperty(name="Photo", options={"SKIP_SAVE"})
+    settings: PointerProperty(type=BSFACE_PG_settings)
+    face: PointerProperty(
+        name="Face",
+        description="The face that the next run updates",
+        type=bpy.types.Object,
+    )
+    size: FloatProperty(
+        name="Size",
+        description="1 is life size in the scene's units: the eyes are 62 mm apart",
+        default=1.0,
+        min=0.001,
+        soft_max=10.0,
+        max=1000.0,
+    )
+    separate: BoolProperty(
+        name="Make Another Face",
+        description="Make a new object instead of updating the face that is there",
+    )
+    last_error: StringProperty(name="Last Error", options={"SKIP_SAVE"})
+
+
+CLASSES = (BSFACE_PG_photo, BSFACE_PG_settings, BSFACE_PG_scene)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.bsface = PointerProperty(type=BSFACE_PG_scene)
+
+
+def unregister():
+    del bpy.types.Scene.bsface
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,281 @@
+"""A reconstruction in the Blender scene: face, cameras, lights, material.
+
+Everything is made on the main thread in one go (`place`), and either all of it
+stands or nothing has changed (`all_or_nothing`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+
+import bpy
+from mathutils import Quaternion, Vector
+
+from . import cameras, lights, material, surface_object
+
+# Custom properties of the face object; JSON texts, so that they read the same in
+# every version and outside Blender.
+MARK = "bsface"
+SETTINGS = "bsface_settings"
+REPORT = "bsface_report"
+PHOTOS = "bsface_photos"
+WARNINGS = "bsface_warnings"
+FRONT_VIEW = Quaternion((math.sqrt(0.5), math.sqrt(0.5), 0, 0))
+_KINDS = (
+    "objects",
+    "curves",
+    "cameras",
+    "lights",
+    "materials",
+    "images",
+    "collections",
+    "meshes",
+    "shape_keys",
+    "texts",
+)
+
+
+def place(context, result, name, *, face=None, scale=1.0, maps=None):
+    """Put a reconstruction into the scene.
+
+    Parameters
+    ----------
+    result : core Reconstruction
+    name : str
+        Name of a new face; its collection is called ``BSface <name>``.
+    face : bpy.types.Object, optional
+        A face made earlier: it is updated in place (its own name, matrix and
+        materials stay) and its cameras and lights are replaced.
+    scale : float
+        Size of a new face; 1 is life size.
+    maps : dict of arrays, optional
+        Pictures for `material.store_map` by kind.
+
+    Returns
+    -------
+    bpy.types.Object
+        The face: active, the only selected object, in object mode.
+    """
+    with all_or_nothing(context):
+        points = result.surface.control_points
+        leave_edit_mode(context)
+        old = [] if face is None else [*cameras.of_face(face), *lights.of_face(face)]
+        fresh = face is None
+        if fresh:
+            face = surface_object.create(context, name, points)
+            face.matrix_world = surface_object.upright(context, scale)
+            face[MARK] = True
+            own = _collection(context, face)
+            _move(face, own)
+        else:
+            own = _home(context, face)
+        context.view_layer.update()
+        _add_cameras(face, result, own)
+        _add_lights(face, result, own)
+        for kind, pixels in (maps or {}).items():
+            material.store_map(face, kind, pixels)
+        if fresh or material.shown(face) == "PLAIN":
+            material.show(face, "PHOTO" if maps and "PHOTO" in maps else "PLAIN")
+        _write_facts(face, result)
+        if not fresh:
+            surface_object.write(context, face, points)
+            _remove(old)
+            for obj in [*cameras.of_face(face), *lights.of_face(face)]:
+                obj.name = obj.data.name = _child_name(face, obj)
+        _select_only(context, face)
+    return face
+
+
+def faces(context):
+    """Faces of the scene that this add-on made, by name."""
+    found = [obj for obj in context.scene.objects if is_face(obj)]
+    return sorted(found, key=lambda obj: obj.name)
+
+
+def is_face(obj):
+    """Whether the object is a face that `place` made and that is still a surface."""
+    return obj is not None and bool(obj.get(MARK)) and surface_object.is_surface(obj)
+
+
+def active_face(context):
+    """The face that the buttons mean: the active one, or the scene's latest."""
+    active = context.view_layer.objects.active
+    if is_face(active):
+        return active
+    if active is not None and is_face(active.parent):
+        return active.parent
+    chosen = getattr(context.scene, "bsface", None)
+    if chosen is None or not is_face(chosen.face):
+        return None
+    # The property keeps a deleted object alive outside the scene.
+    return chosen.face if chosen.face.name in context.scene.objects else None
+
+
+def stored(face, key, default):
+    """A JSON fact of a face."""
+    try:
+        return json.loads(face[key])
+    except (KeyError, TypeError, ValueError):
+        return default
+
+
+@contextlib.contextmanager
+def all_or_nothing(context):
+    """On an exception: new data goes, active object, selection and mode come back."""
+    before = {kind: {d.session_uid for d in getattr(bpy.data, kind)} for kind in _KINDS}
+    layer = context.view_layer
+    active = layer.objects.active
+    mode = "OBJECT" if active is None else active.mode
+    chosen = [obj for obj in layer.objects if obj.select_get()]
+    camera = context.scene.camera
+    try:
+        yield
+    except BaseException:
+        leave_edit_mode(context)
+        bpy.data.batch_remove(
+            [
+                data
+                for kind in _KINDS
+                for data in getattr(bpy.data, kind)
+                if data.session_uid not in before[kind]
+            ]
+        )
+        context.scene.camera = camera
+        layer.update()
+        for obj in layer.objects:
+            obj.select_set(obj in chosen)
+        layer.objects.active = active
+        if active is not None and active.mode != mode:
+            bpy.ops.object.mode_set(mode=mode)
+        raise
+
+
+def leave_edit_mode(context):
+    """Go to object mode, whatever is edited."""
+    active = context.view_layer.objects.active
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def remove_face(context, face):
+    """Delete a face with its cameras, lights and what only they use."""
+    home = _home(context, face)
+    images = [
+        slot.image
+        for obj in cameras.of_face(face)
+        for slot in obj.data.background_images
+        if slot.image is not None
+    ]
+    _remove([*cameras.of_face(face), *lights.of_face(face)])
+    curve = face.data
+    bpy.data.objects.remove(face)
+    if curve.users == 0:
+        bpy.data.curves.remove(curve)
+    for collection in [*home.children, home]:
+        if not collection.all_objects and collection != context.scene.collection:
+            bpy.data.collections.remove(collection)
+    bpy.data.batch_remove([image for image in set(images) if image.users == 0])
+
+
+def _add_cameras(face, result, own):
+    if not result.cameras:
+        return
+    group = _child_collection(own, "cameras")
+    for camera, photo in zip(result.cameras, result.photos, strict=True):
+        cameras.add(face, f"{face.name} {photo.name}", camera, photo, group)
+
+
+def _add_lights(face, result, own):
+    if result.photometric is None:
+        return
+    group = _child_collection(own, "lights")
+    found = zip(result.photometric.lights, result.photos, strict=True)
+    for coefficients, photo in found:
+        name = f"{face.name} light {photo.name}"
+        lights.add(face, name, coefficients, photo.name, group)
+
+
+def _write_facts(face, result):
+    from ..core.output.formats.npz import to_json
+
+    face[SETTINGS] = to_json(result.settings.to_dict())
+    face[REPORT] = to_json(list(result.reports))
+    face[WARNINGS] = to_json(list(result.warnings))
+    face[PHOTOS] = to_json(
+        [
+            {"name": p.name, "path": p.path, "size": p.size, "landmarks": m}
+            for p, m in zip(result.photos, result.landmarks, strict=True)
+        ]
+    )
+
+
+def _collection(context, face):
+    collection = bpy.data.collections.new(f"BSface {face.name}")
+    context.scene.collection.children.link(collection)
+    return collection
+
+
+def _home(context, face):
+    for collection in face.users_collection:
+        return collection
+    return context.scene.collection
+
+
+def _child_collection(own, what):
+    for child in own.children:
+        if child.get(MARK) == what:
+            return child
+    child = bpy.data.collections.new(f"{own.name} {what}")
+    child[MARK] = what
+    own.children.link(child)
+    return child
+
+
+def _move(obj, collection):
+    for other in obj.users_collection:
+        other.objects.unlink(obj)
+    collection.objects.link(obj)
+
+
+def _child_name(face, obj):
+    middle = " light " if obj.type == "LIGHT" else " "
+    return f"{face.name}{middle}{obj[cameras.PHOTO_KEY]}"
+
+
+def _remove(objects):
+    data = [obj.data for obj in objects]
+    bpy.data.batch_remove(objects)
+    bpy.data.batch_remove([d for d in data if d.users == 0])
+
+
+def _select_only(context, face):
+    context.view_layer.update()
+    for obj in context.view_layer.objects:
+        obj.select_set(obj == face)
+    context.view_layer.objects.active = face
+
+
+def present(context, face):
+    """Make a new file ready to look at: view, light of the world, scene camera."""
+    world = context.scene.world or bpy.data.worlds.new("World")
+    context.scene.world = world
+    world.color = (0.6, 0.6, 0.6)
+    corners = [face.matrix_world @ Vector(corner) for corner in face.bound_box]
+    middle = sum(corners, Vector()) / len(corners)
+    extent = max((corner - middle).length for corner in corners)
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            if area.type == "VIEW_3D":
+                space = area.spaces.active
+                space.region_3d.view_location = middle
+                space.region_3d.view_distance = 3 * extent
+                space.region_3d.view_rotation = FRONT_VIEW
+                space.shading.color_type = "TEXTURE"
+    views = cameras.of_face(face)
+    if views:
+        # The most frontal photo: its camera's axis is nearest to the face's own.
+        look = face.matrix_world.col[2].xyz
+        frontal = max(views, key=lambda view: view.matrix_world.col[2].xyz @ look)
+        cameras.look_through(context, frontal, switch_views=False)

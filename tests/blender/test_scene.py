@@ -1,0 +1,215 @@
+"""Cameras, lights and material: what is placed, and that nothing is left behind."""
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+from blender import faces
+from blender.checkout import load
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Vector
+
+scene = load("bsface_addon.scene")
+cameras = load("bsface_addon.cameras")
+lights = load("bsface_addon.lights")
+material = load("bsface_addon.material")
+surface_object = load("bsface_addon.surface_object")
+
+
+def everything():
+    kinds = ("objects", "curves", "cameras", "lights", "images", "collections")
+    return {k: sorted(d.name for d in getattr(bpy.data, k)) for k in kinds}
+
+
+@pytest.mark.parametrize("kappa", [0.0, 1 / 900])
+@pytest.mark.parametrize("moved", [False, True])
+def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved):
+    result = faces.reconstruction(tmp_path, kappa)
+    face = scene.place(bpy.context, result, "Ann")
+    if moved:
+        face.location = (1, 2, 3)
+        face.rotation_euler.z = 0.7
+    head = np.random.default_rng(3).uniform(-70, 70, (20, 3))
+    found = cameras.of_face(face)
+    assert [c[cameras.PHOTO_KEY] for c in found] == ["0.png", "1.png", "2.png"]
+    for obj, camera in zip(found, result.cameras, strict=True):
+        cameras.look_through(bpy.context, obj)
+        bpy.context.view_layer.update()
+        seen = [
+            world_to_camera_view(empty_scene, obj, face.matrix_world @ Vector(q))
+            for q in head
+        ]
+        width, height = faces.SIZE
+        pixels = [(p.x * width - 0.5, (1 - p.y) * height - 0.5) for p in seen]
+        np.testing.assert_allclose(pixels, camera.project(head), atol=2e-3)
+
+
+def test_cameras_are_not_scaled_and_see_the_face(empty_scene, tmp_path):
+    face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
+    bpy.context.view_layer.update()
+    for obj in cameras.of_face(face):
+        np.testing.assert_allclose(obj.matrix_world.to_scale(), 1, atol=1e-5)
+        distance = (obj.matrix_world.translation - face.matrix_world.translation).length
+        assert obj.data.clip_start < distance < obj.data.clip_end
+
+
+def test_photos_are_the_cameras_backgrounds(empty_scene, tmp_path):
+    result = faces.reconstruction(tmp_path)
+    face = scene.place(bpy.context, result, "Ann")
+    for obj, photo in zip(cameras.of_face(face), result.photos, strict=True):
+        slot = obj.data.background_images[0]
+        assert slot.image.filepath == str(photo.path)
+        assert obj.data.show_background_images and slot.rotation == 0
+    assert len(bpy.data.images) == 3
+
+
+@pytest.mark.parametrize("tag", range(1, 9))
+def test_orientation_is_found_for_every_exif_tag(tmp_path, tag):
+    PIL = pytest.importorskip("PIL.Image")
+    cv2 = pytest.importorskip("cv2")
+    pixels = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
+    exif = PIL.Exif()
+    exif[0x0112] = tag
+    path = tmp_path / "turned.jpg"
+    PIL.fromarray(pixels).save(path, exif=exif)
+    angle, flip = cameras.orientation(path)
+    stored = cv2.imread(str(path), cv2.IMREAD_IGNORE_ORIENTATION | cv2.IMREAD_COLOR)
+    start = stored[:, ::-1] if flip else stored
+    turned = np.rot90(start, round(angle / (np.pi / 2)))
+    np.testing.assert_array_equal(turned, cv2.imread(str(path)))
+
+
+def test_face_stands_upright_in_life_size(empty_scene, tmp_path):
+    face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
+    bpy.context.view_layer.update()
+    width, height, depth = face.dimensions  # along the object's own axes
+    assert 0.1 < width < 0.2 < height + 0.1 < 0.35 and 0.03 < depth < 0.1
+    nose = face.matrix_world @ Vector((0, -20, 60))
+    assert nose.y < 0 and nose.z < 0
+
+
+def test_suns_shine_from_where_the_light_came(empty_scene, tmp_path):
+    result = faces.reconstruction(tmp_path)
+    face = scene.place(bpy.context, result, "Ann")
+    for sun in lights.of_face(face):
+        assert sun.hide_render and sun.hide_viewport
+        lights.switch(sun, True)
+    bpy.context.view_layer.update()
+    for sun, harmonics in zip(
+        lights.of_face(face), result.photometric.lights, strict=True
+    ):
+        shines = sun.matrix_world.to_3x3() @ Vector((0, 0, -1))
+        towards = face.matrix_world.to_3x3() @ Vector(harmonics[1:4])
+        assert shines.normalized().dot(towards.normalized()) < -0.9999
+        assert sun.data.energy == pytest.approx(np.pi * np.linalg.norm(harmonics[1:4]))
+
+
+def test_facts_stay_with_the_object(empty_scene, tmp_path):
+    result = faces.reconstruction(tmp_path / "photos")
+    scene.place(bpy.context, result, "Ann")
+    path = str(tmp_path / "a.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    face = bpy.data.objects["Ann"]
+    assert scene.is_face(face)
+    assert json.loads(face[scene.SETTINGS])["eye_distance_mm"] == 62.0
+    report = scene.stored(face, scene.REPORT, None)
+    assert [row["status"] for row in report] == ["used"] * 3 + ["no_face"]
+    assert scene.stored(face, scene.PHOTOS, [])[0]["landmarks"]["scheme"] == "40"
+
+
+def test_a_second_run_updates_the_same_object(empty_scene, tmp_path):
+    result = faces.reconstruction(tmp_path)
+    face = scene.place(bpy.context, result, "Ann")
+    face.location.x = 2
+    first = everything()
+    again = scene.place(bpy.context, result, "other name", face=face)
+    assert again == face and face.location.x == 2
+    assert everything() == first
+
+
+def test_a_second_face_gets_its_own_collection(empty_scene, tmp_path):
+    result = faces.reconstruction(tmp_path)
+    first = scene.place(bpy.context, result, "Ann")
+    second = scene.place(bpy.context, result, "Ann")
+    assert second != first
+    assert first.users_collection[0] != second.users_collection[0]
+    assert len(cameras.of_face(first)) == len(cameras.of_face(second)) == 3
+
+
+@pytest.mark.parametrize("fault", ["camera", "light", "map"])
+@pytest.mark.parametrize("update", [False, True])
+def test_a_failure_leaves_the_scene_as_it_was(
+    empty_scene, tmp_path, monkeypatch, fault, update
+):
+    result = faces.reconstruction(tmp_path)
+    face = scene.place(bpy.context, result, "Ann") if update else None
+    mesh = bpy.data.meshes.new("other")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    other = bpy.data.objects.new("other", mesh)
+    empty_scene.collection.objects.link(other)
+    bpy.context.view_layer.objects.active = other
+    other.select_set(True)
+    if face:
+        face.select_set(False)
+    bpy.ops.object.mode_set(mode="EDIT")
+    before = everything()
+
+    def fail(*_):
+        raise RuntimeError("no")
+
+    module, name = {
+        "camera": (cameras, "background"),
+        "light": (lights, "switch"),
+        "map": (material, "store_map"),
+    }[fault]
+    monkeypatch.setattr(module, name, fail)
+    with pytest.raises(RuntimeError, match="no"):
+        scene.place(bpy.context, result, "Ann", face=face, maps={"PHOTO": 0})
+    assert everything() == before
+    assert bpy.context.view_layer.objects.active == other and other.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert [o.name for o in bpy.context.selected_objects] == ["other"]
+
+
+def test_maps_are_upright_on_the_surface_and_can_be_switched(empty_scene, tmp_path):
+    face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
+    texture = np.zeros((8, 6, 3))
+    texture[0, :, 0] = 1.0  # v = 0, the forehead, is red
+    image = material.store_map(face, "PHOTO", texture)
+    pixels = np.empty(8 * 6 * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    # Blender's bottom row has the texture coordinate 0, which is v = 0.
+    assert pixels.reshape(8, 6, 4)[0, :, 0].min() == 1.0
+    assert image.packed_file is not None
+    material.store_map(face, "NORMALS", texture)
+    for kind in ("PHOTO", "NORMALS", "PLAIN"):
+        material.show(face, kind)
+        assert material.shown(face) == kind
+    assert material.stored_kinds(face) == ["PHOTO", "NORMALS"]
+    with pytest.raises(KeyError):
+        material.show(face, "RESIDUAL")
+
+
+def test_texture_coordinates_are_u_and_v(empty_scene, tmp_path):
+    """The assumption behind the maps: row j of the picture is v_j."""
+    result = faces.reconstruction(tmp_path)
+    face = scene.place(bpy.context, result, "Ann")
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    mesh = bpy.data.meshes.new_from_object(face.evaluated_get(depsgraph))
+    uv = np.empty(len(mesh.loops) * 2, np.float32)
+    mesh.uv_layers[0].data.foreach_get("uv", uv)
+    corner = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corner)
+    xyz = np.array([v.co for v in mesh.vertices])[corner]
+    np.testing.assert_allclose(
+        xyz, result.surface.evaluate(*uv.reshape(-1, 2).astype(float).T), atol=2e-3
+    )
+
+
+def test_removing_a_face_removes_what_belongs_to_it(empty_scene, tmp_path):
+    before = everything()
+    face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
+    scene.remove_face(bpy.context, face)
+    assert everything() == before
