@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,11 +30,28 @@ MESH_SIDE = 192
 # Corners of the eyes: the crop is turned until the line 33-263 is level.
 RIGHT_EYE_OUTER, LEFT_EYE_OUTER = 33, 263
 
-SCORE_WHOLE = 0.5
-# In tiles there is more to mistake for a face, so they must be surer.
-SCORE_TILE = 0.7
+MIN_DETECTOR_SCORE = 0.5
+# Faces of photographs have 0.999 and more, upside down or wrong places mostly
+# less than 0.5.
+MIN_MESH_SCORE = 0.95
 OVERLAP = 0.3
 CROP_MARGIN = 1.5
+MAX_PROPOSALS = 12
+BATCH = 16
+
+# Where faces are looked for until one is found: parts of the picture's longer
+# side (1 = the whole, below 1 = with a border, for faces that fill the picture),
+# and turns of the window in degrees.
+_STAGES: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = (
+    ((1, 2), (0,)),
+    ((0.5, 0.75), (0,)),
+    ((0.75, 1), (90, -90, 180)),
+    ((4,), (0,)),
+    ((0.75, 1), (45, -45, 135, -135)),
+    ((8,), (0,)),
+    ((2,), (90, -90, 180)),
+    ((16,), (0,)),
+)
 
 # Crops of the average: shift right and down, and scale, in parts of the crop.
 # The set is its own mirror image, which makes the average exactly equivariant.
@@ -56,28 +73,63 @@ class ModelFiles:
 
 
 @dataclass(frozen=True, eq=False)
+class _Crop:
+    """A square of the picture: centre (2,) and side in pixels, turn in radians."""
+
+    centre: np.ndarray
+    side: float
+    turn: float
+
+    def axes(self) -> np.ndarray:
+        """(2, 2): columns are the crop's x and y axis in the picture."""
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        return np.array([[c, -s], [s, c]])
+
+    def moved(self, right: float, down: float, scale: float) -> _Crop:
+        shift = self.axes() @ (right * self.side, down * self.side)
+        return _Crop(self.centre + shift, self.side * scale, self.turn)
+
+    def box(self) -> np.ndarray:
+        half = self.side / CROP_MARGIN / 2
+        return np.concatenate([self.centre - half, self.centre + half])
+
+    def to_image(self, xy: np.ndarray, size: int) -> np.ndarray:
+        """Network coordinates, [0, size] from edge to edge -> picture pixels."""
+        return self.centre + (xy / size - 0.5) * self.side @ self.axes().T
+
+
+@dataclass(frozen=True, eq=False)
 class Face:
-    """A detected face.
+    """A face that was found.
 
     Parameters
     ----------
-    box : (4,) array
-        x0, y0, x1, y1 in pixels.
-    keypoints : (6, 2) array
-        Right eye, left eye, nose tip, mouth, right ear, left ear (the
-        subject's right and left), pixels.
+    crop : _Crop
+        The square that the mesh wants, as upright as the eyes.
     score : float
-        In [0, 1].
+        The mesh's probability that it shows a face, in [0, 1].
     """
 
-    box: np.ndarray
-    keypoints: np.ndarray
+    crop: _Crop
     score: float
 
     @property
     def side(self) -> float:
-        """Longer side of the box in pixels."""
-        return float(max(self.box[2] - self.box[0], self.box[3] - self.box[1]))
+        """Longer side of the landmarks' box in pixels."""
+        return self.crop.side / CROP_MARGIN
+
+    @property
+    def box(self) -> np.ndarray:
+        """(x0, y0, x1, y1), the square about the landmarks' centre, in pixels."""
+        return self.crop.box()
+
+
+@dataclass(frozen=True, eq=False)
+class _Proposal:
+    """What the detector takes for a face: its crop and the detector's score."""
+
+    crop: _Crop
+    score: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,34 +232,44 @@ class FaceMesh:
         self._detector = _load(files.detector, ("regressors", "classificators"))
         self._mesh = _load(files.mesh, ("conv2d_21", "conv2d_31"))
 
-    def detect_faces(self, image: np.ndarray) -> tuple[Face, ...]:
+    def detect_faces(
+        self, image: np.ndarray, tick: Callable[[], None] | None = None
+    ) -> tuple[Face, ...]:
         """Faces in a picture, the surest first.
+
+        The detector proposes, the mesh disposes: a proposal counts if the mesh,
+        on the crop turned by a quarter each time, is sure of a face. This also
+        rights the faces that the detector took for upright while they lie or
+        stand on their head.
 
         Parameters
         ----------
         image : (h, w, 3) uint8 array
             RGB.
+        tick : callable, optional
+            Called now and then; may raise `Cancelled`.
         """
         levels = _pyramid(image)
         h, w = image.shape[:2]
-        # The whole picture and its quarters always; what is finer, wider or
-        # turned only while nothing has been found.
-        faces = self._search(levels, _windows(w, h, (1, 2)), 0.0)
-        if not faces:
-            faces = self._search(levels, _windows(w, h, (0.5, 0.75)), 0.0)
-        if not faces:
-            for angle in (90, -90, 180, 45, -45, 135, -135):
-                faces += self._search(levels, _windows(w, h, (0.75, 1)), angle)
-            faces = _suppress(faces)
-        level = 4
-        while not faces and max(w, h) / level >= DETECTOR_SIDE and level <= 16:
-            faces = self._search(levels, _windows(w, h, (level,)), 0.0)
-            level *= 2
-        if not faces:
-            for angle in (90, -90, 180):
-                faces += self._search(levels, _windows(w, h, (2,)), angle)
-            faces = _suppress(faces)
-        return tuple(sorted(faces, key=lambda face: -face.score))
+        for divisions, angles in _STAGES:
+            if min(divisions) > 2 and max(w, h) / min(divisions) < DETECTOR_SIDE / 2:
+                continue
+            windows = _windows(w, h, divisions)
+            proposals: list[_Proposal] = []
+            for angle in angles:
+                if tick is not None:
+                    tick()
+                proposals += self._propose(levels, windows, np.deg2rad(angle))
+            proposals.sort(key=lambda p: -p.score)
+            faces = [
+                face
+                for proposal in _unlike(proposals)[:MAX_PROPOSALS]
+                if (face := self._verify(levels, proposal)) is not None
+            ]
+            if faces:
+                faces.sort(key=lambda f: -f.score)
+                return tuple(_unlike(faces))
+        return ()
 
     def landmarks(self, image: np.ndarray, face: Face) -> FaceLandmarks:
         """The landmarks of one face, averaged over crops and mirror images.
@@ -226,12 +288,12 @@ class FaceMesh:
             From `detect_faces` on the same picture.
         """
         levels = _pyramid(image)
-        crop = _crop_of_face(face)
+        crop = face.crop
         for _ in range(2):
             points, _ = self._mesh_on(levels, [crop])
             crop = _crop_of_landmarks(points.mean(axis=0))
         crops = [crop.moved(*augmentation) for augmentation in AUGMENTATIONS]
-        points, scores = self._mesh_on(levels, crops)
+        points, logit = self._mesh_on(levels, crops)
         # The median is robust against a crop on which the mesh jumped, the mean
         # is quieter: the mean of those near the median.
         middle = np.median(points, axis=0)
@@ -239,107 +301,98 @@ class FaceMesh:
         near = away <= 3 * np.median(away, axis=0) + 1e-3 * crop.side
         weight = near / near.sum(axis=0)
         mean = np.einsum("kf,kfc->fc", weight, points)
-        spread = np.einsum("kf,kfc->f", weight, (points - mean) ** 2)
-        return FaceLandmarks(mean, np.sqrt(spread / 2), float(np.median(scores)))
+        rest = points - mean
+        # A shift of the whole face is the crop's, not the landmark's.
+        rest -= rest.mean(axis=1, keepdims=True)
+        spread = np.einsum("kf,kfc->f", weight, rest**2)
+        score = float(_sigmoid(np.median(logit)))
+        return FaceLandmarks(mean, np.sqrt(spread / 2), score)
 
-    def _search(
-        self, levels: list[np.ndarray], windows: Sequence[_Crop], angle: float
-    ) -> list[Face]:
-        faces: list[Face] = []
-        turn = np.deg2rad(angle)
-        for start in range(0, len(windows), 16):
+    def _propose(
+        self, levels: list[np.ndarray], windows: Sequence[_Crop], turn: float
+    ) -> list[_Proposal]:
+        """What the detector takes for faces in square windows."""
+        found: list[_Proposal] = []
+        for start in range(0, len(windows), BATCH):
             part = [
                 _Crop(window.centre, window.side, turn)
-                for window in windows[start : start + 16]
+                for window in windows[start : start + BATCH]
             ]
-            batch = [_sample(levels, window, DETECTOR_SIDE) for window in part]
-            blob = np.stack(batch).astype(np.float32) / 127.5 - 1.0
+            blob = np.stack([_sample(levels, crop, DETECTOR_SIDE) for crop in part])
+            names = ("regressors", "classificators")
             with self._lock:
-                self._detector.setInput(
-                    np.ascontiguousarray(blob.transpose(0, 3, 1, 2))
-                )
-                boxes, scores = self._detector.forward(("regressors", "classificators"))
-            boxes = _unbatched(boxes.reshape(-1, 16), len(part))
-            scores = _unbatched(scores.reshape(-1, 1), len(part))[..., 0]
-            whole = windows[0].side
-            for window, raw, logit in zip(part, boxes, scores, strict=True):
-                least = SCORE_WHOLE if window.side > 0.9 * whole else SCORE_TILE
-                faces += self._decode(raw, logit, window, least)
-        return _suppress(faces)
+                self._detector.setInput(_planes(blob) / 127.5 - 1.0)
+                boxes, logit = self._detector.forward(names)
+            boxes = _unbatched(boxes.reshape(-1, 16), len(part)).astype(float)
+            logit = _unbatched(logit.reshape(-1, 1), len(part))[..., 0]
+            for crop, raw, score in zip(part, boxes, _sigmoid(logit), strict=True):
+                found += self._decode(raw, score, crop)
+        return found
 
     def _decode(
-        self, raw: np.ndarray, logit: np.ndarray, window: _Crop, least: float
-    ) -> list[Face]:
-        score = 1 / (1 + np.exp(-np.clip(logit, -80, 80).astype(float)))
-        keep = np.flatnonzero(score >= least)
-        if not keep.size:
-            return []
-        raw, score = raw[keep].astype(float), score[keep]
-        shift = self._anchors[keep] * DETECTOR_SIDE
-        centre = raw[:, :2] + shift
-        half = raw[:, 2:4] / 2
+        self, raw: np.ndarray, score: np.ndarray, window: _Crop
+    ) -> list[_Proposal]:
+        keep = np.flatnonzero(score >= MIN_DETECTOR_SCORE)
+        raw, score = raw[keep], score[keep]
+        anchor = self._anchors[keep] * DETECTOR_SIDE
+        centre, half = raw[:, :2] + anchor, raw[:, 2:4] / 2
         boxes = np.concatenate([centre - half, centre + half], axis=1)
-        points = raw[:, 4:].reshape(-1, 6, 2) + shift[:, None]
-        faces = []
+        keypoints = raw[:, 4:].reshape(-1, 6, 2) + anchor[:, None]
+        proposals = []
         for group in _groups(boxes, score):
             # Weighted suppression: overlapping answers are averaged.
             weight = score[group] / score[group].sum()
-            box = weight @ boxes[group]
-            corners = box[[[0, 1], [2, 1], [2, 3], [0, 3]]]
-            corners = window.to_image(corners, DETECTOR_SIDE)
-            keypoints = np.einsum("k,kpc->pc", weight, points[group])
-            faces.append(
-                Face(
-                    np.concatenate([corners.min(axis=0), corners.max(axis=0)]),
-                    window.to_image(keypoints, DETECTOR_SIDE),
-                    float(score[group].max()),
-                )
+            box = (weight @ boxes[group]).reshape(2, 2)
+            eyes = np.einsum("k,kpc->pc", weight, keypoints[group])[:2]
+            (middle, right, left) = window.to_image(
+                np.stack([box.mean(axis=0), *eyes]), DETECTOR_SIDE
             )
-        return faces
+            side = float((box[1] - box[0]).max()) * window.side / DETECTOR_SIDE
+            crop = _Crop(middle, side * CROP_MARGIN, _direction(left - right))
+            proposals.append(_Proposal(crop, float(score[group].max())))
+        return proposals
+
+    def _verify(self, levels: list[np.ndarray], proposal: _Proposal) -> Face | None:
+        """The proposal turned upright by the mesh; None if it is no face."""
+        crop = proposal.crop
+        crops = [
+            _Crop(crop.centre, crop.side, crop.turn + quarter * np.pi / 2)
+            for quarter in range(4)
+        ]
+        for _ in range(2):
+            points, logit = self._run_mesh(levels, crops)
+            crops = [_crop_of_landmarks(p) for p in points]
+        best = int(logit.argmax())
+        score = float(_sigmoid(logit[best]))
+        return Face(crops[best], score) if score >= MIN_MESH_SCORE else None
 
     def _mesh_on(
         self, levels: list[np.ndarray], crops: Sequence[_Crop]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Landmarks (2 k, 468, 2) and scores on k crops and their mirror images."""
-        upright = np.stack([_sample(levels, crop, MESH_SIDE) for crop in crops])
-        blob = np.concatenate([upright, upright[:, :, ::-1]]).astype(np.float32) / 255
+        """Landmarks (2 k, 468, 2) and logits on k crops and their mirror images."""
+        return self._run_mesh(levels, crops, both=True)
+
+    def _run_mesh(
+        self, levels: list[np.ndarray], crops: Sequence[_Crop], both: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        blob = np.stack([_sample(levels, crop, MESH_SIDE) for crop in crops])
+        if both:
+            blob = np.concatenate([blob, blob[:, :, ::-1]])
         with self._lock:
-            self._mesh.setInput(np.ascontiguousarray(blob.transpose(0, 3, 1, 2)))
+            self._mesh.setInput(_planes(blob) / 255)
             points, logit = self._mesh.forward(("conv2d_21", "conv2d_31"))
-        points = points.reshape(2, len(crops), 468, 3)[..., :2].astype(float)
-        points[1, ..., 0] = MESH_SIDE - 1 - points[1, ..., 0]
-        points[1] = points[1][:, self._mirror]
+        points = points.reshape(-1, len(crops), 468, 3)[..., :2].astype(float)
+        if both:
+            points[1, ..., 0] = MESH_SIDE - 1 - points[1, ..., 0]
+            points[1] = points[1][:, self._mirror]
         # The mesh counts pixel centres at integers: so read, its mean error is
         # smallest, and so the template's landmarks were measured.
         placed = [
             crop.to_image(points[half, k] + 0.5, MESH_SIDE)
-            for half in range(2)
+            for half in range(len(points))
             for k, crop in enumerate(crops)
         ]
-        score = 1 / (1 + np.exp(-np.clip(logit.reshape(-1), -80, 80).astype(float)))
-        return np.stack(placed), score
-
-
-@dataclass(frozen=True, eq=False)
-class _Crop:
-    """A square of the picture: centre (2,) and side in pixels, turn in radians."""
-
-    centre: np.ndarray
-    side: float
-    turn: float
-
-    def axes(self) -> np.ndarray:
-        """(2, 2): columns are the crop's x and y axis in the picture."""
-        c, s = np.cos(self.turn), np.sin(self.turn)
-        return np.array([[c, -s], [s, c]])
-
-    def moved(self, right: float, down: float, scale: float) -> _Crop:
-        shift = self.axes() @ (right * self.side, down * self.side)
-        return _Crop(self.centre + shift, self.side * scale, self.turn)
-
-    def to_image(self, xy: np.ndarray, size: int) -> np.ndarray:
-        """Network coordinates, [0, size] from edge to edge -> picture pixels."""
-        return self.centre + (xy / size - 0.5) * self.side @ self.axes().T
+        return np.stack(placed), logit.reshape(-1).astype(float)
 
 
 def _load(path: Path, outputs: tuple[str, str]) -> cv2.dnn.Net:
@@ -415,18 +468,21 @@ def _windows(w: int, h: int, levels: Sequence[float]) -> list[_Crop]:
     windows = []
     for level in levels:
         side = max(w, h) / level
-        for y in _centres(h, side):
-            for x in _centres(w, side):
+        # On the fine levels faces are small in the window, else they would have
+        # been found before: less overlap is enough.
+        step = 0.5 if level < 8 else 0.65
+        for y in _centres(h, side, step):
+            for x in _centres(w, side, step):
                 windows.append(_Crop(np.array([x, y]), side, 0.0))
     return windows
 
 
-def _centres(length: int, side: float) -> Iterator[float]:
-    """Centres along one edge, so that neighbours overlap by half or more."""
+def _centres(length: int, side: float, step: float) -> Iterator[float]:
+    """Centres along one edge, at most `step` sides apart."""
     if side >= length:
         yield (length - 1) / 2
         return
-    count = int(np.ceil((length - side) / (side / 2))) + 1
+    count = int(np.ceil((length - side) / (step * side))) + 1
     for k in range(count):
         yield side / 2 - 0.5 + k * (length - side) / (count - 1)
 
@@ -455,36 +511,36 @@ def _groups(boxes: np.ndarray, score: np.ndarray) -> Iterator[np.ndarray]:
         left = left[~same]
 
 
-def _suppress(faces: list[Face]) -> list[Face]:
-    """Of answers from several windows to the same face, the surest.
-
-    A tile that cuts a face shows a smaller box inside the true one, hence the
-    second test; the larger of two sure answers is then the whole face.
-    """
-    faces = sorted(faces, key=lambda f: -(round(f.score, 1) + 1e-6 * f.side))
-    kept: list[Face] = []
+def _unlike(faces: list) -> list:
+    """Of faces at the same place the first: a tile may show a part of a face."""
+    kept: list = []
     for face in faces:
         if kept:
-            boxes = np.stack([other.box for other in kept])
-            union, smaller = _overlap(face.box, boxes)
-            if (union > OVERLAP).any() or (smaller > 0.6).any():
+            boxes = np.stack([other.crop.box() for other in kept])
+            union, smaller = _overlap(face.crop.box(), boxes)
+            if (union > OVERLAP).any() or (smaller > 0.7).any():
                 continue
         kept.append(face)
     return kept
 
 
-def _crop_of_face(face: Face) -> _Crop:
-    line = face.keypoints[1] - face.keypoints[0]
-    turn = float(np.arctan2(line[1], line[0]))
-    return _Crop((face.box[:2] + face.box[2:]) / 2, face.side * CROP_MARGIN, turn)
+def _direction(vector: np.ndarray) -> float:
+    return float(np.arctan2(vector[1], vector[0]))
+
+
+def _sigmoid(logit: np.ndarray | float) -> np.ndarray:
+    return 1 / (1 + np.exp(-np.clip(np.asarray(logit, float), -80, 80)))
+
+
+def _planes(pictures: np.ndarray) -> np.ndarray:
+    """(k, h, w, 3) uint8 -> (k, 3, h, w) float32."""
+    return np.ascontiguousarray(pictures.transpose(0, 3, 1, 2), np.float32)
 
 
 def _crop_of_landmarks(points: np.ndarray) -> _Crop:
     """The square about the landmarks, as upright as the eyes."""
-    line = points[LEFT_EYE_OUTER] - points[RIGHT_EYE_OUTER]
-    turn = float(np.arctan2(line[1], line[0]))
-    c, s = np.cos(turn), np.sin(turn)
-    axes = np.array([[c, -s], [s, c]])
+    turn = _direction(points[LEFT_EYE_OUTER] - points[RIGHT_EYE_OUTER])
+    axes = _Crop(np.zeros(2), 1.0, turn).axes()
     upright = points @ axes
     low, high = upright.min(axis=0), upright.max(axis=0)
     side = float((high - low).max()) * CROP_MARGIN

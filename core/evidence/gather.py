@@ -8,10 +8,11 @@ photo that is of no use becomes a `PhotoFailure` with a sentence.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +27,7 @@ from .facemesh import FaceMesh, ModelFiles
 from .landmarks import (
     LandmarkFileError,
     Landmarks,
+    NotLandmarksError,
     landmark_file_beside,
     read_landmarks,
 )
@@ -40,7 +42,6 @@ if TYPE_CHECKING:
 BOX_FACTOR = 1.45
 MAX_SIDE = 1024
 MAX_FACES = 6
-MIN_FACE_SCORE = 0.5
 # Landmarks whose augmentations scatter by this part of the eye distance weigh half.
 HALF_WEIGHT_SIGMA = 0.02
 
@@ -120,11 +121,15 @@ def gather(
     total = len(sources)
     outcome: list[tuple[Candidate, ...] | PhotoFailure] = []
     for done, (name, source) in enumerate(sources):
-        _tell(progress, done, total, f"looking at {name}")
+
+        def tick(done: int = done, name: str = name) -> None:
+            _tell(progress, done, total, f"looking at {name}")
+
+        tick()
         if name in ignore:
             outcome.append(PhotoFailure(name, "ignored", f"{name} is set aside."))
         else:
-            outcome.append(reader.read(source, name))
+            outcome.append(reader.read(source, name, tick))
     chosen = choose_faces(outcome)
     used = [item for item in chosen if isinstance(item, Candidate)]
     failures = tuple(item for item in chosen if isinstance(item, PhotoFailure))
@@ -157,7 +162,12 @@ class _Reader:
         self.mesh: FaceMesh | None = None
         self.seen: dict[bytes, str] = {}
 
-    def read(self, source, name: str) -> tuple[Candidate, ...] | PhotoFailure:
+    def read(
+        self,
+        source: str | os.PathLike | np.ndarray,
+        name: str,
+        tick: Callable[[], None],
+    ) -> tuple[Candidate, ...] | PhotoFailure:
         photo = read_photo(source, name)
         if isinstance(photo, PhotoFailure):
             return photo
@@ -168,7 +178,7 @@ class _Reader:
             )
         self.seen[digest] = name
         try:
-            found = self._find(photo)
+            found = self._find(photo, tick)
         except LandmarkFileError as error:
             return PhotoFailure(name, "implausible", str(error))
         if isinstance(found, PhotoFailure):
@@ -186,13 +196,16 @@ class _Reader:
         assert failure is not None
         return failure
 
-    def _find(self, photo: Photo) -> list[Landmarks] | PhotoFailure:
+    def _find(
+        self, photo: Photo, tick: Callable[[], None]
+    ) -> list[Landmarks] | PhotoFailure:
         name = photo.name
         if name in self.given:
             return [self._reduced(replace(self.given[name], photo=name))]
         beside = landmark_file_beside(photo.path) if photo.path else None
         if beside is not None:
-            return [self._reduced(read_landmarks(beside, name, photo.size))]
+            with contextlib.suppress(NotLandmarksError):
+                return [self._reduced(read_landmarks(beside, name, photo.size))]
         if not self.detect:
             return PhotoFailure(
                 name,
@@ -203,12 +216,10 @@ class _Reader:
         if self.mesh is None:
             self.mesh = FaceMesh(self.models, self.template.landmark_mirror)
         image = photo.bytes8()
-        faces = self.mesh.detect_faces(image)
+        faces = self.mesh.detect_faces(image, tick)
         found = []
         for face in sorted(faces, key=lambda f: -f.side)[:MAX_FACES]:
             mesh = self.mesh.landmarks(image, face)
-            if mesh.score < MIN_FACE_SCORE:
-                continue
             points = photo.to_original(mesh.points)
             sigma = mesh.sigma / photo.window[2]
             size = self._fit(points, "468", np.ones(468)).eye_distance
@@ -255,15 +266,17 @@ class _Reader:
         return failure or Candidate(part, landmarks, fit)
 
 
-def _sources(photos: str | os.PathLike | Sequence) -> list[tuple[str, object]]:
+def _sources(
+    photos: str | os.PathLike | Sequence,
+) -> list[tuple[str, Path | np.ndarray]]:
     """Names, unlike each other, and paths or arrays."""
     if isinstance(photos, str | os.PathLike):
-        return [(path.name, path) for path in list_photos(photos)]
+        return [(_shown(path.name), path) for path in list_photos(photos)]
     items = [p if isinstance(p, np.ndarray) else Path(p) for p in photos]
     if not items:
         raise ReconstructionError("No photos were given; give at least three.")
     names = [
-        item.name if isinstance(item, Path) else f"picture {i + 1}"
+        _shown(item.name) if isinstance(item, Path) else f"picture {i + 1}"
         for i, item in enumerate(items)
     ]
     count = Counter(names)
@@ -273,6 +286,11 @@ def _sources(photos: str | os.PathLike | Sequence) -> list[tuple[str, object]]:
             taken[name] += 1
             names[i] = f"{name} ({taken[name]})"
     return list(zip(names, items, strict=True))
+
+
+def _shown(name: str) -> str:
+    """The name without bytes that are no text, so that it can be printed."""
+    return name.encode("utf-8", "replace").decode("utf-8")
 
 
 def _digest(pixels: np.ndarray) -> bytes:

@@ -12,6 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+# Numbers of TIFF's tags.
+WIDTH, HEIGHT, BITS_PER_SAMPLE, SAMPLES = 256, 257, 258, 277
+
 READABLE = frozenset({"JPEG", "PNG", "BMP", "TIFF", "WebP", "PNM", "JPEG 2000"})
 
 
@@ -101,30 +104,33 @@ def _tiff(view: memoryview) -> ImageHeader | None:
     if struct.unpack(order + "H", view[2:4])[0] == 43:
         (at,) = struct.unpack(order + "Q", view[8:16])
         (count,) = struct.unpack(order + "Q", view[at : at + 8])
-        at, entry, value = at + 8, 20, 12
+        at, entry, value, word = at + 8, 20, 12, "Q"
     else:
         (at,) = struct.unpack(order + "I", view[4:8])
         (count,) = struct.unpack(order + "H", view[at : at + 2])
-        at, entry, value = at + 2, 12, 8
+        at, entry, value, word = at + 2, 12, 8, "I"
     tags: dict[int, int] = {}
     for i in range(min(count, 1000)):
         start = at + entry * i
         tag, kind = struct.unpack(order + "HH", view[start : start + 4])
+        (values,) = struct.unpack(order + word, view[start + 4 : start + value])
         code = {1: "B", 3: "H", 4: "I", 16: "Q"}.get(kind)
         if code is None or (entry == 12 and code == "Q"):
             continue
         size = struct.calcsize(code)
         field = view[start + value : start + value + size]
-        # Several 16-bit values (bits per sample of RGB) stand elsewhere: the
-        # first bytes are then an offset, which we do not follow.
+        if tag == BITS_PER_SAMPLE and values * size > entry - value:
+            # Too many values for the field: it says where the first one stands.
+            (at_bits,) = struct.unpack(
+                order + word, view[start + value : start + entry]
+            )
+            field = view[at_bits : at_bits + size]
         tags[tag] = struct.unpack(order + code, field)[0]
-    if 256 not in tags or 257 not in tags:
+    if WIDTH not in tags or HEIGHT not in tags:
         return None
-    channels = min(tags.get(277, 1), 8)
-    # Bits of one channel stand in the entry itself, those of several elsewhere:
-    # 16 is assumed for them, the larger of the usual two.
-    bits = min(tags.get(258, 1), 64) if channels == 1 else 16
-    return ImageHeader("TIFF", tags[256], tags[257], channels * max(bits, 8) / 8)
+    channels = min(tags.get(SAMPLES, 1), 8)
+    bits = min(tags.get(BITS_PER_SAMPLE, 1), 64)
+    return ImageHeader("TIFF", tags[WIDTH], tags[HEIGHT], channels * max(bits, 8) / 8)
 
 
 def _webp(view: memoryview) -> ImageHeader | None:
@@ -153,7 +159,7 @@ def _pnm(view: memoryview) -> ImageHeader | None:
             if len(fields) == wanted:
                 channels = 3 if view[1] in b"36" else 1
                 wide = wanted == 3 and fields[2] > 255
-                return ImageHeader("PNM", *fields[:2], channels * (1 + wide))
+                return ImageHeader("PNM", fields[0], fields[1], channels * (1 + wide))
     return None
 
 

@@ -35,6 +35,10 @@ class LandmarkFileError(ValueError):
     """A landmark file is wrong; ``str()`` is one sentence with the file's name."""
 
 
+class NotLandmarksError(LandmarkFileError):
+    """A ``.json`` file that does not even claim to hold landmarks."""
+
+
 @dataclass(frozen=True, eq=False)
 class Landmarks:
     """The landmarks of the face in one photo.
@@ -120,7 +124,8 @@ def read_landmarks(
     Raises
     ------
     LandmarkFileError
-        If the file cannot be read, or its content is not landmarks.
+        If the file cannot be read, or its content is not landmarks;
+        `NotLandmarksError` for ``.json`` files of another kind.
     """
     path = Path(path)
     try:
@@ -214,8 +219,11 @@ def _parse_json(
         record = json.loads(text)
     except (ValueError, RecursionError):
         raise _bad(path, "is not valid JSON") from None
-    if not isinstance(record, dict) or "points" not in record:
-        raise _bad(path, 'is not a landmark file (no "points")')
+    if not isinstance(record, dict) or not {"points", "scheme"} & record.keys():
+        # Programs lay other .json files beside photos.
+        raise NotLandmarksError(f"{path.name} is not a landmark file.")
+    if "points" not in record:
+        raise _bad(path, 'holds no "points"')
     scheme = record.get("scheme")
     if isinstance(scheme, int):
         scheme = str(scheme)
