@@ -20,11 +20,15 @@ Readings of the text
   of the printed factor 1.
 * ``S^t`` has no albedo while ``S~`` has: its columns are multiplied by an albedo, the
   mean photo divided by the shading that the best single light gives the template.
-* Missing data is not mentioned, but an SVD needs a full matrix: a point that a photo
-  does not see gets the mean of the photos that see it (after each photo is divided by
-  its brightness).  In step 2 only true observations count.  On photos with large poses
-  this filling, not the factorisation, is what spoils the normals; `photometric` has the
-  masked method.
+* Missing data is not mentioned, but an SVD needs a full matrix, and photos turned by 30
+  degrees see half of the face.  So only points that nearly all photos see
+  (``common_share``) are factorised, the remaining holes get the mean of the photos
+  that see the point (after each photo is divided by its brightness), and step 2, with
+  the lights so found, brings in all other points with the photos that do see them.
+
+Even so the normals of a face are worse than the template's: attached and cast shadows
+are not of rank 4, and the 16 unknowns of ``A`` follow the errors of the template.
+`photometric` has the robust method; this one is for comparison.
 """
 
 from __future__ import annotations
@@ -56,7 +60,7 @@ class SvdPhotometric:
         ``L`` in the basis of ``S``: ambient, x, y, z, per photo.
     ambiguity : (4, 4) array
         ``A`` from the factorisation to the template's basis.
-    singular_values : (min(n, p),) array
+    singular_values : (k,) array
         ``D``; a clear step after the fourth says that the photos are Lambertian.
     chosen : (n, p) bool array
         Photos used at each point.
@@ -80,6 +84,7 @@ def photometric_svd(
     *,
     tolerance: float = 0.15,
     minimum_share: float = 0.5,
+    common_share: float = 0.85,
 ) -> SvdPhotometric:
     """Normals from the intensities of several photos.
 
@@ -93,9 +98,13 @@ def photometric_svd(
         Outward unit normals of the template at the points.
     tolerance : float
         A photo agrees with a point when ``|m - l s|`` is below this part of the point's
-        mean intensity.  0.15 is about twice the residual of skin under soft light.
+        mean intensity.  0.15 leaves out cast shadows and highlights and keeps skin
+        that is not quite Lambertian.
     minimum_share : float
         At least this part of the photos that see a point is used, the best ones.
+    common_share : float
+        Points that this part of the photos sees are factorised, but never less than
+        the best-seen quarter of the points.  0 factorises all of them.
 
     Returns
     -------
@@ -126,20 +135,24 @@ def photometric_svd(
             "one person from the front and are not black."
         )
     filled = fill_missing(M, seen)
-    U, D, Vt = np.linalg.svd(filled, full_matrices=False)
+    share = seen.mean(0)
+    common = share >= min(common_share, float(np.quantile(share, 0.75)))
+    trusted = np.asarray(seen.sum(0) >= RANK)
+    U, D, Vt = np.linalg.svd(filled[:, common], full_matrices=False)
     root = np.sqrt(D[:RANK])
     L0, S0 = U[:, :RANK] * root, root[:, None] * Vt[:RANK]
-    trusted = np.asarray(seen.any(0))
-    St = template_shape(filled.mean(0), St_normals, trusted)
-    A0 = fit_ambiguity(S0[:, trusted], St[:, trusted])
+    St = template_shape(filled.mean(0), St_normals, common)
+    A0 = fit_ambiguity(S0, St[:, common])
     # A changes the basis of S and its inverse that of L: L~ S~ = (L~ A^-1) (A S~).
     L: Array = np.asarray(np.linalg.lstsq(A0.T, L0.T, rcond=None)[0].T, float)
-    S = A0 @ S0
+    S = constrained_shape(filled, L, seen, St)
     chosen = choose_photos(filled, L @ S, seen, tolerance, minimum_share)
     S = constrained_shape(filled, L, chosen, S)
-    A1 = fit_ambiguity(S[:, trusted], St[:, trusted])
-    S = A1 @ S
-    L = np.asarray(np.linalg.lstsq(A1.T, L.T, rcond=None)[0].T, float)
+    if trusted.any():
+        A1 = fit_ambiguity(S[:, trusted], St[:, trusted])
+        S = A1 @ S
+        L = np.asarray(np.linalg.lstsq(A1.T, L.T, rcond=None)[0].T, float)
+        A0 = A1 @ A0
     length = np.linalg.norm(S[1:], axis=0)
     good = length > 1e-12 * np.median(length)
     normals = np.where(good, S[1:] / np.maximum(length, 1e-300), St_normals.T).T
@@ -148,7 +161,7 @@ def photometric_svd(
         normals=normals,
         albedo=length / max(float(np.median(length)), 1e-300),
         lights=L,
-        ambiguity=A1 @ A0,
+        ambiguity=A0,
         singular_values=D,
         chosen=chosen,
         residual=float(np.sqrt(np.mean(residual**2)) / filled.mean()),

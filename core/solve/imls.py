@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from ..errors import PhotoFailure, ReconstructionError
 from ..evidence.camera import Camera
-from ..evidence.photometric_svd import SvdPhotometric, photometric_svd
+from ..evidence.photometric_svd import RANK, SvdPhotometric, photometric_svd
 from ..surface.bspline import BSplineSurface
 from .motion_paper import LandmarkObservations, estimate_poses, warp
 from .shading import NormalRows, ShadingParameters, shading_step
@@ -302,7 +302,9 @@ def paper_steps(
         result: SvdPhotometric = photometric_svd(
             M, weights, surface.normals(*uv.T), tolerance=tolerance
         )
-        return NormalField(result.normals, (weights > 0).any(0).astype(float), result)
+        # Where fewer than four photos decide, there is only the template's normal.
+        known = result.chosen.sum(0) >= RANK
+        return NormalField(result.normals, known.astype(float), result)
 
     return Steps(
         poses=lambda b: estimate_poses(b, shape, landmarks),
