@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import PhotoFailure
-
-if TYPE_CHECKING:
-    from .gather import Candidate
+from .landmarks import Landmarks
+from .photos import Photo
+from .plausible import FaceFit
 
 # What counts as one step away: half as large again, a fifth of the picture aside.
 SIZE_STEP = 0.4
 PLACE_STEP = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One face of one photo: the cut-out and what was measured on it."""
+
+    photo: Photo
+    landmarks: Landmarks
+    fit: FaceFit
 
 
 def choose_faces(

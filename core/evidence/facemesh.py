@@ -305,7 +305,7 @@ class FaceMesh:
         # A shift of the whole face is the crop's, not the landmark's.
         rest -= rest.mean(axis=1, keepdims=True)
         spread = np.einsum("kf,kfc->f", weight, rest**2)
-        score = float(_sigmoid(np.median(logit)))
+        score = float(_sigmoid(float(np.median(logit))))
         return FaceLandmarks(mean, np.sqrt(spread / 2), score)
 
     def _propose(

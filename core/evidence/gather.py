@@ -22,7 +22,7 @@ import numpy as np
 from ..errors import PhotoFailure, ReconstructionError
 from ..progress import Progress, Step
 from ..surface.template import Template, load_template
-from .choose import choose_faces
+from .choose import Candidate, choose_faces
 from .facemesh import FaceMesh, ModelFiles
 from .landmarks import (
     LandmarkFileError,
@@ -44,15 +44,6 @@ MAX_SIDE = 1024
 MAX_FACES = 6
 # Landmarks whose augmentations scatter by this part of the eye distance weigh half.
 HALF_WEIGHT_SIGMA = 0.02
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """One face of one photo: the cut-out and what was measured on it."""
-
-    photo: Photo
-    landmarks: Landmarks
-    fit: FaceFit
 
 
 @dataclass(frozen=True, eq=False)

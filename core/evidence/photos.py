@@ -233,7 +233,9 @@ def read_photo(
     reduction = 1
     while reduction < 8 and header.pixels / reduction**2 > FULL_SIZE_PIXELS:
         reduction *= 2
-    pixels = _decode(data, reduction)
+    # libpng would complain on stderr about a missing end.
+    cut_short = header.format == "PNG" and data.tobytes().rfind(b"IEND") < 0
+    pixels = None if cut_short else _decode(data, reduction)
     if pixels is None:
         return PhotoFailure(
             name,
@@ -279,7 +281,8 @@ def cut(
     part = photo.pixels[low[1] : high[1], low[0] : high[0]]
     x0, y0, scale = photo.window
     origin = (x0 + low[0] / scale, y0 + low[1] / scale)
-    factor = max_side / max(part.shape[:2])
+    # Not so small that a strip at the picture's edge vanishes.
+    factor = max(max_side / max(part.shape[:2]), 1 / min(part.shape[:2]))
     if factor < 1:
         # With dsize empty, cv2 uses exactly this factor on both axes; with a
         # size it would round the factor to the size, per axis.

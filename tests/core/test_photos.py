@@ -1,0 +1,450 @@
+"""Reading photos: every kind of file ends in the right pixels or in a sentence."""
+
+import base64
+import os
+import struct
+import sys
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+from bsface.errors import PhotoFailure, ReconstructionError
+from bsface.evidence.image_header import read_header
+from bsface.evidence.photos import (
+    Photo,
+    cut,
+    list_photos,
+    natural_key,
+    read_photo,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+# 40 x 32 pixels each, made once with Pillow; red is (200, 30, 30).
+CMYK_JPEG_PURE_RED = base64.b64decode(
+    "/9j/7gAOQWRvYmUAZAAAAAAA/9sAQwAQCwwODAoQDg0OEhEQExgoGhgWFhgxIyUdKDozPTw5Mzg3"
+    "QEhcTkBEV0U3OFBtUVdfYmdoZz5NcXlwZHhcZWdj/8AAFAgAIAAoBEMRAE0RAFkRAEsRAP/EABUA"
+    "AQEAAAAAAAAAAAAAAAAAAAAH/8QAFBABAAAAAAAAAAAAAAAAAAAAAP/aAA4EQwBNAFkASwAAPwCg"
+    "J+n6gAAAAAAAAAAAAAAAAAAAAAAAAAD/2Q=="
+)
+ANIMATED_WEBP_RED_FIRST = base64.b64decode(
+    "UklGRogAAABXRUJQVlA4WAoAAAACAAAAJwAAHwAAQU5JTQYAAAAAAAAAAABBTk1GKgAAAAAAAAAA"
+    "ACcAAB8AAAAAAAJWUDhMEQAAAC8nwAcAB1CPItej/4GI6H8AAEFOTUYqAAAAAAAAAAAAJwAAHwAA"
+    "AAAAAFZQOEwRAAAALyfABwAHUOR61KP/gYjofwAA"
+)
+ANIMATED_PNG_RED_FIRST = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAACgAAAAgCAIAAADvz61XAAAACGFjVEwAAAACAAAAAPONk3AAAAAa"
+    "ZmNUTAAAAAAAAAAoAAAAIAAAAAAAAAAAAAAAAQAAorP4PgAAAC1JREFUeJztzTEBAAAEADAE0T+K"
+    "WAr4PVuB5XTHh3pZxWKxWCwWi8VisVgsPi1PQQFE/XcV8gAAABpmY1RMAAAAAQAAACgAAAAgAAAA"
+    "AAAAAAAAAAABAAA5wBLqAAAAMWZkQVQAAAACeJztzTEBAAAEADAE0T+KWAr4PVuBZU/Hh3pZxWKx"
+    "WCwWi8VisVgsPi1OlwFEFhsqEgAAAABJRU5ErkJggg=="
+)
+GIF = base64.b64decode(
+    "R0lGODdhKAAgAIEAAMgeHgAAAAAAAAAAACwAAAAAKAAgAAAIPAABCBxIsKDBgwgTKlzIsKHDhxAj"
+    "SpxIsaLFixgzatzIsaPHjyBDihxJsqTJkyhTqlzJsqXLlzBjyiwYEAA7"
+)
+
+
+def corners_picture(dtype=np.uint8) -> np.ndarray:
+    """RGB 64 x 48 with another colour in each corner."""
+    top = np.iinfo(dtype).max
+    image = np.full((48, 64, 3), top // 2, dtype)
+    image[:16, :16] = (top, 0, 0)
+    image[:16, -16:] = (0, top, 0)
+    image[-16:, :16] = (0, 0, top)
+    return image
+
+
+def encoded(ending: str, image: np.ndarray, *options: int) -> bytes:
+    order = [2, 1, 0] + [3] * (image.shape[2] == 4) if image.ndim == 3 else None
+    data = image if order is None else np.ascontiguousarray(image[..., order])
+    done, buffer = cv2.imencode(ending, data, list(options))
+    assert done
+    return buffer.tobytes()
+
+
+def with_exif_orientation(jpeg: bytes, orientation: int) -> bytes:
+    tiff = b"MM\0*\0\0\0\x08" + struct.pack(">HHHIHHI", 1, 274, 3, 1, orientation, 0, 0)
+    body = b"Exif\0\0" + tiff
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body + jpeg[2:]
+
+
+def png_header(width: int, height: int, bits: int = 8, kind: int = 2) -> bytes:
+    def chunk(name: bytes, body: bytes) -> bytes:
+        crc = zlib.crc32(name + body)
+        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", crc)
+
+    ihdr = struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0)
+    idat = chunk(b"IDAT", zlib.compress(b"\0" * 1000))
+    start = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", ihdr)
+    return start + idat + chunk(b"IEND", b"")
+
+
+@pytest.fixture
+def read(tmp_path):
+    def reader(data: bytes, name: str = "a.jpg"):
+        path = tmp_path / name
+        path.write_bytes(data)
+        return read_photo(path)
+
+    return reader
+
+
+# --- pixels ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ending", [".png", ".bmp", ".tif", ".webp", ".ppm", ".jp2"])
+def test_lossless_formats_give_the_same_rgb(read, ending):
+    image = corners_picture()
+    options = (cv2.IMWRITE_WEBP_QUALITY, 101) if ending == ".webp" else ()
+    photo = read(encoded(ending, image, *options), "a" + ending)
+    if ending == ".jp2":  # lossy
+        assert np.abs(photo.pixels.astype(int) - image).max() <= 60
+    else:
+        np.testing.assert_array_equal(photo.pixels, image)
+    assert photo.size == (64, 48)
+
+
+@pytest.mark.parametrize("ending", [".png", ".tif"])
+def test_sixteen_bits_are_kept(read, ending):
+    image = corners_picture(np.uint16)
+    image[20, 20] = (1, 257, 40000)
+    photo = read(encoded(ending, image), "a" + ending)
+    np.testing.assert_array_equal(photo.pixels, image)
+
+
+def test_grey_and_alpha_and_palette_become_three_channels(read):
+    grey = corners_picture()[..., 1]
+    photo = read(encoded(".png", grey), "a.png")
+    np.testing.assert_array_equal(photo.pixels, np.repeat(grey[..., None], 3, 2))
+    rgba = np.dstack([corners_picture(), np.full((48, 64), 128, np.uint8)])
+    photo = read(encoded(".png", rgba), "b.png")
+    np.testing.assert_array_equal(photo.pixels, corners_picture())
+    bilevel = encoded(".png", grey, cv2.IMWRITE_PNG_BILEVEL, 1)
+    assert read(bilevel, "c.png").pixels.shape == (48, 64, 3)
+
+
+def test_cmyk_jpeg_is_converted(read):
+    pixels = read(CMYK_JPEG_PURE_RED).pixels
+    assert pixels.shape == (32, 40, 3)
+    assert (np.abs(pixels[..., 0].astype(int) - 255) < 8).all()
+    assert (pixels[..., 1:] < 8).all()
+
+
+@pytest.mark.parametrize(
+    "data, name",
+    [(ANIMATED_WEBP_RED_FIRST, "a.webp"), (ANIMATED_PNG_RED_FIRST, "a.png")],
+)
+def test_of_an_animation_the_first_frame_is_read(read, data, name):
+    assert tuple(read(data, name).pixels[5, 5]) == (200, 30, 30)
+
+
+TURNS = {
+    1: lambda a: a,
+    2: lambda a: a[:, ::-1],
+    3: lambda a: a[::-1, ::-1],
+    4: lambda a: a[::-1],
+    5: lambda a: a.swapaxes(0, 1),
+    6: lambda a: np.rot90(a, -1),
+    7: lambda a: a.swapaxes(0, 1)[::-1, ::-1],
+    8: lambda a: np.rot90(a),
+}
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_exif_orientation_is_applied(read, orientation):
+    image = corners_picture()
+    jpeg = encoded(".jpg", image, cv2.IMWRITE_JPEG_QUALITY, 100)
+    photo = read(with_exif_orientation(jpeg, orientation))
+    expected = TURNS[orientation](image)
+    assert photo.pixels.shape == expected.shape
+    assert photo.size == expected.shape[1::-1]
+    # Corners' middles: chroma subsampling blurs the edges.
+    difference = np.abs(photo.pixels.astype(int) - expected)[4:12, 4:12]
+    assert difference.max() < 12
+
+
+def test_large_photo_is_read_reduced_and_keeps_its_coordinates(read, monkeypatch):
+    monkeypatch.setattr("bsface.evidence.photos.FULL_SIZE_PIXELS", 1000)
+    image = np.zeros((161, 241, 3), np.uint8)
+    image[96:112, 48:64] = 255  # centre (55.5, 103.5)
+    data = with_exif_orientation(encoded(".jpg", image), 1)
+    photo = read(data)
+    assert photo.size == (241, 161)
+    assert photo.window == (0.0, 0.0, 1 / 8)
+    weight = photo.pixels[..., 0].astype(float)
+    y, x = np.mgrid[: weight.shape[0], : weight.shape[1]]
+    centre = np.array([(x * weight).sum(), (y * weight).sum()]) / weight.sum()
+    np.testing.assert_allclose(photo.to_original(centre), (55.5, 103.5), atol=0.5)
+    turned = read(with_exif_orientation(encoded(".jpg", image), 6))
+    assert turned.size == (161, 241)
+
+
+def test_unicode_and_long_names(tmp_path):
+    name = "Фото 写真 é 😀 " + "x" * 100 + ".png"
+    (tmp_path / name).write_bytes(encoded(".png", corners_picture()))
+    (path,) = list_photos(tmp_path)
+    photo = read_photo(path)
+    assert isinstance(photo, Photo)
+    assert photo.name == name
+
+
+def test_wrong_ending_of_a_real_picture_does_not_matter(read):
+    assert read(encoded(".png", corners_picture()), "a.jpg")
+
+
+# --- files that are no use ---------------------------------------------------
+
+
+def bad_files() -> dict[str, tuple[bytes, str, str]]:
+    picture = np.random.default_rng(0).integers(0, 255, (200, 300, 3), np.uint8)
+    jpeg, png = encoded(".jpg", picture), encoded(".png", picture)
+    pixel = np.zeros((1, 1, 3), np.uint8)
+    return {
+        "text": (b"Dear photo,\nyours", "unreadable", "not a picture"),
+        "zero bytes": (b"", "unreadable", "zero bytes"),
+        "zeros": (b"\0" * 5000, "unreadable", "not a picture"),
+        "short jpeg": (jpeg[: len(jpeg) // 2], "unreadable", "cut short"),
+        "short png": (png[: len(png) // 2], "unreadable", "cut short"),
+        "head of a jpeg": (jpeg[:20], "unreadable", "not a picture"),
+        "1 x 1": (encoded(".png", pixel), "unreadable", "1 x 1"),
+        "30000 x 30000": (png_header(30000, 30000), "too_large", "30000 x 30000"),
+        "16-bit bomb": (png_header(13000, 13000, 16, 6), "too_large", "13000"),
+        "no width": (png_header(0, 100), "unreadable", "0 x 100"),
+        "gif": (GIF, "unreadable", "GIF"),
+        "heic": (b"\0\0\0\x18ftypheic" + b"\0" * 50, "unreadable", "HEIC"),
+        "float": (
+            encoded(".tif", np.ones((40, 40, 3), np.float32)),
+            "unreadable",
+            "8 or 16 bits",
+        ),
+    }
+
+
+@pytest.mark.parametrize("kind", bad_files())
+def test_bad_file_gives_one_sentence_with_its_name(read, kind):
+    data, code, words = bad_files()[kind]
+    failure = read(data, "portrait 7.jpg")
+    assert isinstance(failure, PhotoFailure)
+    assert not failure
+    assert failure.code == code
+    assert words in failure.reason
+    assert "portrait 7.jpg" in failure.reason
+    assert failure.reason.endswith(".")
+    assert "\n" not in failure.reason
+
+
+def test_missing_folder_and_pipe_and_loop(tmp_path):
+    assert read_photo(tmp_path / "none.jpg").code == "unreadable"
+    assert read_photo(tmp_path).code == "unreadable"
+    loop = tmp_path / "loop.jpg"
+    loop.symlink_to(loop)
+    assert "loop.jpg" in read_photo(loop).reason
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "pipe.jpg")
+        assert "regular" in read_photo(tmp_path / "pipe.jpg").reason
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() == 0,
+    reason="root may read everything",
+)
+def test_unreadable_permission(tmp_path):
+    path = tmp_path / "secret.jpg"
+    path.write_bytes(encoded(".jpg", corners_picture()))
+    path.chmod(0)
+    assert "permission" in read_photo(path).reason
+
+
+def test_damaged_files_leave_stderr_alone(tmp_path, capfd):
+    for number, (data, *_) in enumerate(bad_files().values()):
+        path = tmp_path / f"{number}.jpg"
+        path.write_bytes(data)
+        read_photo(path)
+    assert capfd.readouterr().err == ""
+
+
+# --- arrays ------------------------------------------------------------------
+
+
+def test_arrays_of_all_allowed_kinds():
+    image = corners_picture()
+    for array in (image, np.dstack([image, image[..., :1]]), image.astype(float) / 255):
+        photo = read_photo(array, "p")
+        assert photo.path is None
+        assert photo.size == (64, 48)
+        np.testing.assert_array_equal(photo.bytes8(), image)
+    assert read_photo(image[..., 0], "p").pixels.shape == (48, 64, 3)
+
+
+@pytest.mark.parametrize(
+    "array, words",
+    [
+        (np.zeros((5, 5, 3), np.uint8), "5 x 5"),
+        (np.zeros((50, 50, 2), np.uint8), "shape"),
+        (np.zeros(50, np.uint8), "shape"),
+        (np.zeros((50, 50, 3), np.int64), "int64"),
+        (np.full((50, 50, 3), np.nan), "finite"),
+        (np.full((50, 50, 3), 2.0), "outside"),
+        (np.zeros((50, 50, 3), bool), "bool"),
+        (np.zeros((50, 50, 3), object), "object"),
+    ],
+)
+def test_bad_arrays(array, words):
+    failure = read_photo(array, "picture 3")
+    assert not failure
+    assert words in failure.reason
+    assert "picture 3" in failure.reason
+
+
+# --- light and windows -------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_linear_undoes_the_srgb_curve(dtype):
+    top = np.iinfo(dtype).max
+    values = np.array([0, 0.02, 0.5, 1])
+    pixels = np.broadcast_to(np.round(values * top)[None, :, None], (1, 4, 3))
+    light = Photo("p", None, (4, 1), pixels.astype(dtype)).linear()
+    assert light.dtype == np.float32
+    np.testing.assert_allclose(
+        light[0, :, 0], [0, 0.02 / 12.92, 0.21404, 1], atol=2 / top
+    )
+
+
+@given(
+    x0=st.floats(-50, 200),
+    y0=st.floats(-50, 200),
+    side=st.floats(1, 300),
+    max_side=st.integers(8, 200),
+)
+@settings(max_examples=100, deadline=None)
+def test_cut_keeps_coordinates(x0, y0, side, max_side):
+    """A linear ramp read through the window is the original's coordinate."""
+    y, x = np.mgrid[:160, :200]
+    ramp = np.stack([x * 300, y * 300, 0 * x], axis=-1).astype(np.uint16)
+    photo = Photo("p", None, (200, 160), ramp)
+    part = cut(photo, (x0, y0, x0 + side, y0 + side), max_side)
+    h, w = part.pixels.shape[:2]
+    # A strip one pixel high is not made shorter.
+    assert 1 <= max(h, w) <= max_side or min(h, w) == 1
+    yy, xx = np.mgrid[:h, :w]
+    xy = part.to_original(np.stack([xx, yy], axis=-1))
+    # The last row and column may be a part of a pixel wide.
+    inner = np.s_[: max(h - 1, 1), : max(w - 1, 1)]
+    # Averages over areas see the pixels as steps: up to 1/8 pixel beside the ramp.
+    tolerance = 0.13 + 0.5 / part.window[2] * (min(h, w) == 1)
+    error = np.abs(part.pixels[..., :2] / 300 - xy)
+    assert error[inner].max() <= tolerance
+    np.testing.assert_allclose(part.to_window(xy), np.stack([xx, yy], -1), atol=1e-9)
+
+
+def test_cut_of_a_cut_is_the_cut():
+    image = np.random.default_rng(1).integers(0, 255, (90, 120, 3), np.uint8)
+    photo = Photo("p", None, (120, 90), image)
+    once = cut(photo, (30, 20, 70, 60))
+    twice = cut(cut(photo, (10, 10, 100, 80)), (30, 20, 70, 60))
+    np.testing.assert_array_equal(once.pixels, twice.pixels)
+    assert once.window == twice.window
+    assert not np.shares_memory(once.pixels, image)
+
+
+# --- folders -----------------------------------------------------------------
+
+
+def test_listing(tmp_path):
+    names = ["10.jpg", "2.JPG", "b1.png", ".hidden.jpg", "notes.txt", "x.heic"]
+    for name in names:
+        (tmp_path / name).touch()
+    (tmp_path / "sub.jpg").mkdir()
+    (tmp_path / "loop.jpg").symlink_to(tmp_path / "loop.jpg")
+    found = [path.name for path in list_photos(tmp_path)]
+    assert found == ["2.JPG", "10.jpg", "b1.png", "loop.jpg", "x.heic"]
+
+
+@given(st.lists(st.text(max_size=8), max_size=8))
+@settings(deadline=None)
+def test_natural_order_is_an_order(names):
+    ordered = sorted(names, key=natural_key)
+    assert sorted(reversed(names), key=natural_key) == ordered
+
+
+@pytest.mark.parametrize("kind", ["none", "file", "empty", "loop", "nul"])
+def test_no_folder_of_photos(tmp_path, kind):
+    folder = tmp_path / "folder"
+    if kind == "file":
+        folder.write_text("x")
+    elif kind == "empty":
+        folder.mkdir()
+        (folder / "readme.txt").touch()
+    elif kind == "loop":
+        folder.symlink_to(folder)
+    elif kind == "nul":
+        folder = "a\0b"
+    with pytest.raises(ReconstructionError) as info:
+        list_photos(folder)
+    assert "\n" not in str(info.value)
+    assert str(info.value).endswith(".")
+
+
+# --- headers -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "ending", [".jpg", ".png", ".bmp", ".tif", ".webp", ".ppm", ".pgm", ".jp2"]
+)
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_header_says_what_decoding_gives(ending, dtype):
+    if dtype == np.uint16 and ending in (".jpg", ".bmp", ".webp"):
+        pytest.skip(f"{ending} has no 16 bits here")
+    image = np.zeros((37, 53, 3) if ending != ".pgm" else (37, 53), dtype)
+    header = read_header(encoded(ending, image))
+    assert header is not None
+    assert (header.width, header.height) == (53, 37)
+    if ending not in (".webp", ".jp2", ".bmp"):
+        assert header.bytes_per_pixel == image.nbytes / (37 * 53)
+
+
+@given(st.binary(max_size=200), st.integers(0, 7))
+@settings(max_examples=300, deadline=None)
+def test_header_of_any_bytes_does_not_fail(data, kind):
+    start = [
+        b"",
+        b"\xff\xd8\xff",
+        b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR",
+        b"BM",
+        b"II*\0\x08\0\0\0",
+        b"RIFF\0\0\0\0WEBPVP8X",
+        b"P6\n",
+        b"\0\0\0\x0cjP  \r\n\x87\nihdr",
+    ][kind]
+    header = read_header(start + data)
+    assert header is None or header.pixels >= 0
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_damaged_pictures_end_in_a_photo_or_a_sentence(tmp_path_factory, data):
+    ending = data.draw(st.sampled_from([".jpg", ".bmp", ".webp", ".ppm"]))
+    content = bytearray(encoded(ending, corners_picture()))
+    for _ in range(data.draw(st.integers(1, 6))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        content[at] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.mktemp("damaged") / ("a" + ending)
+    path.write_bytes(bytes(content[: data.draw(st.integers(0, len(content)))]))
+    photo = read_photo(path)
+    if photo:
+        assert photo.pixels.dtype in (np.uint8, np.uint16)
+        assert photo.pixels.shape[2] == 3
+    else:
+        assert photo.reason
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX names")
+def test_name_that_is_no_text(tmp_path):
+    path = os.fsencode(tmp_path) + b"/\xff\xfe.png"
+    with open(path, "wb") as file:
+        file.write(encoded(".png", corners_picture()))
+    (found,) = list_photos(tmp_path)
+    assert read_photo(found, "shown")
