@@ -34,13 +34,23 @@ from pathlib import Path
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+
+from parametrise import (
+    RECTANGLE,
+    azimuthal,
+    clip,
+    embed,
+    folded,
+    largest_component,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 WHEEL = "makehuman-1.3.2-py3-none-any.whl"
 WHEEL_SHA256 = "384f0553a66659be95ff05b7c2d2d837376062f1d525dbd8920b029c4c6fa85e"
 MILLIMETRES = 0.1  # targets hold thousandths of a decimetre
 BENDING = 1e-8  # of the control net, relative to the mean squared residual in mm^2
-IDENTITY_MODES, EXPRESSION_MODES, SAMPLES = 80, 24, 4000
+IDENTITY_MODES, EXPRESSION_MODES, SAMPLES = 80, 24, 2500
 
 
 def fetch_targets(path: Path | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -106,15 +116,52 @@ def fill(triangles, count, known, values):
     return out
 
 
+def face_patch(head, caps):
+    """The face of the average head as a closed patch: arrays of the parametrisation.
+
+    ``caps`` has the membranes over eyes, lip gap and nostrils (kinds 1 to 3).
+    """
+    V, tri = head["vertices"].astype(float), head["triangles"].astype(int)
+    in_head = caps["patch_head_index"]
+    cap = caps["patch_kind"] != 0
+    used = np.unique(caps["patch_triangles"][cap])
+    new = used[in_head[used] < 0]
+    index = in_head.copy()
+    index[new] = len(V) + np.arange(len(new))
+    vertices = np.concatenate([V, caps["patch_vertices"][new].astype(float)])
+    skin = tri[head["outer_skin"][tri].all(1)]
+    triangles = np.concatenate([skin, index[caps["patch_triangles"][cap]]])
+    kind = np.concatenate([np.zeros(len(skin), int), caps["patch_kind"][cap]])
+    angles = azimuthal(vertices)
+    a = angles[triangles]
+    left, right, below, above = RECTANGLE
+    near = (a[..., 0].min(1) < right) & (a[..., 0].max(1) > left)
+    near &= (a[..., 1].min(1) < above) & (a[..., 1].max(1) > below)
+    near &= np.ptp(a, axis=1).max(1) < 40  # behind the head the map tears
+    angles, triangles, (vertices,), owner = clip(angles, triangles[near], [vertices])
+    kind = kind[near][owner]
+    nose = np.argmax(np.where(head["skin_face"], V[:, 2], -np.inf))
+    keep = largest_component(triangles, len(vertices), nose)
+    triangles, kind = triangles[keep], kind[keep]
+    detail = vertices[np.unique(triangles[kind != 0])][::4]
+    distance = cKDTree(detail).query(vertices)[0]
+    focus = 1 + 0.5 * np.exp(-((distance / 15) ** 2))
+    uv = embed(vertices, triangles, angles, focus)
+    print(f"patch: {len(triangles)} triangles, {folded(uv, triangles)} folded")
+    base = np.full(len(vertices), -1)
+    base[: len(V)] = head["base_vertex_index"]
+    return vertices, triangles, kind, uv, base
+
+
 class Morphs:
     """Displacements of the patch vertices by morph targets, from the average head."""
 
-    def __init__(self, targets, patch_head_index, base_vertex_index, triangles):
-        head = patch_head_index
-        base = np.where(head >= 0, base_vertex_index[np.maximum(head, 0)], -1)
-        self.known = np.flatnonzero(base >= 0)
-        self.base = base[self.known]
-        self.targets, self.triangles, self.count = targets, triangles, len(head)
+    def __init__(self, targets, base, triangles):
+        used = np.zeros(len(base), bool)
+        used[triangles] = True
+        self.known = np.flatnonzero((base >= 0) | ~used)
+        self.base = np.maximum(base[self.known], 0)
+        self.targets, self.triangles, self.count = targets, triangles, len(base)
         self.cache: dict[str, np.ndarray] = {}
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -251,21 +298,27 @@ def skin_map(patch_uv, triangles, kind, side=128) -> np.ndarray:
     return skin
 
 
+def outline(count=160) -> np.ndarray:
+    """Outline of the face in (u, v): a square with round corners."""
+    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    c, s = np.cos(angle), np.sin(angle)
+    r = 0.49 / (c**4 + s**4) ** 0.25
+    return 0.5 + r[:, None] * np.stack([c, s], 1)
+
+
 def vertex_areas(vertices, triangles):
     p = vertices[triangles]
     area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) / 2
     return area, np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(vertices))
 
 
-def build(source: Path, targets: Path | None, shape=(40, 40)) -> dict[str, np.ndarray]:
+def build(source: Path, targets: Path | None, shape=(40, 44)) -> dict[str, np.ndarray]:
     head = np.load(source / "mean_head.npz", allow_pickle=False)
     param = np.load(source / "uv_param.npz", allow_pickle=False)
     marks = np.load(source / "landmarks468.npz", allow_pickle=False)
     sets = json.loads((source / "landmark_sets.json").read_text())
-    V = param["patch_vertices"].astype(float)
-    tri = param["patch_triangles"].astype(int)
-    kind = param["patch_kind"]
-    S, uv, repeat = triangle_samples(param["patch_uv"].astype(float), tri)
+    V, tri, kind, patch_uv, base = face_patch(head, param)
+    S, uv, repeat = triangle_samples(patch_uv, tri)
     area, vertex_area = vertex_areas(V, tri)
     weight = np.repeat(area * np.where(kind == 0, 1.0, 0.1), repeat) + 1e-9
     # The crease between the lips is rounded on purpose: a bicubic patch with this net
@@ -273,15 +326,11 @@ def build(source: Path, targets: Path | None, shape=(40, 40)) -> dict[str, np.nd
     lips = np.unique(tri[kind == 2])
     near = np.linalg.norm(V[:, None] - V[lips][None, ::8], axis=2).min(1) < 4.0
     weight *= np.where(S @ near.astype(float) > 0.5, 0.1, 1.0)
+    weight *= ((uv > -0.02) & (uv < 1.02)).all(1)
     fit = fit_operator(shape, S, uv, weight, BENDING)
     b = fit @ V
 
-    morphs = Morphs(
-        fetch_targets(targets),
-        param["patch_head_index"],
-        head["base_vertex_index"],
-        tri,
-    )
+    morphs = Morphs(fetch_targets(targets), base, tri)
     rng = np.random.default_rng(20261120)
     w = vertex_area / vertex_area.sum()
     faces = np.stack(
@@ -298,19 +347,22 @@ def build(source: Path, targets: Path | None, shape=(40, 40)) -> dict[str, np.nd
     expression, held = modes(moves, EXPRESSION_MODES)
     print(f"expression: {EXPRESSION_MODES} modes hold {held:.2%} of the variance")
     f16 = lambda x: x.reshape(len(x), *shape, 3).astype(np.float16)  # noqa: E731
+    corners = head["triangles"][marks["triangle"]]
+    mark_uv = (patch_uv[corners] * marks["barycentric"][..., None]).sum(1)
+    inside = np.isin(corners, tri).all(1) & ((mark_uv > 0) & (mark_uv < 1)).all(1)
     return {
         "control_points": b.reshape(*shape, 3),
-        "landmark_uv": marks["uv"],
+        "landmark_uv": mark_uv,
         "landmark_xyz": marks["xyz_free"],
         "landmark_sigma": marks["spread_mm"].astype(float),
         "landmark_free_sigma": marks["free_rms_mm"].astype(float),
-        "landmark_reliable": marks["reliable"] & marks["inside_uv"],
+        "landmark_reliable": marks["reliable"] & inside,
         "landmark_class": marks["class"],
         "landmark_mirror": marks["mirror"].astype(np.int64),
         "scheme_68": np.array([x["index"] for x in sets["set68"]]),
         "scheme_40": np.array([x["index"] for x in sets["set40"]]),
-        "outline_uv": param["patch_uv"][param["patch_boundary"]].astype(float),
-        "skin": skin_map(param["patch_uv"].astype(float), tri, kind),
+        "outline_uv": outline(),
+        "skin": skin_map(patch_uv, tri, kind),
         "eye_centres": head["eye_centres"],
         "identity_modes": f16(identity),
         "expression_modes": f16(expression),
