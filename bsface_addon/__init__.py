@@ -5,11 +5,34 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from . import headless, job, panels, preferences, properties
-from .operators import reconstruct
+from . import headless, job, panels, preferences, properties, thumbnails
+from .operators import (
+    export,
+    expressions,
+    landmarks,
+    photos,
+    reconstruct,
+    support,
+    surface,
+    views,
+)
 
 # Registered in this order, unregistered backwards: properties before what uses them.
-MODULES = (properties, preferences, reconstruct, panels, headless)
+MODULES = (
+    properties,
+    preferences,
+    thumbnails,
+    photos,
+    landmarks,
+    reconstruct,
+    surface,
+    views,
+    expressions,
+    export,
+    support,
+    panels,
+    headless,
+)
 
 
 @persistent

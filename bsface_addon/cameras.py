@@ -175,9 +175,27 @@ def look_through(context, camera, switch_views=True):
     render.resolution_x, render.resolution_y = camera[SIZE_KEY]
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     context.scene.camera = camera
-    if not switch_views:
-        return
+    if switch_views:
+        for region in _views(context):
+            region.view_perspective = "CAMERA"
+
+
+def leave_views(context):
+    """Views that look through a camera look freely again."""
+    for region in _views(context):
+        if region.view_perspective == "CAMERA":
+            region.view_perspective = "PERSP"
+
+
+def put_photo(view, front):
+    """The photo half transparent before the surface, or opaque behind it."""
+    for slot in view.data.background_images:
+        slot.display_depth = "FRONT" if front else "BACK"
+        slot.alpha = 0.5 if front else 1.0
+
+
+def _views(context):
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.spaces.active.region_3d.view_perspective = "CAMERA"
+                yield area.spaces.active.region_3d

@@ -61,6 +61,39 @@ NO_FACE_OBJECT = "Select a face that BSface made, or press Reconstruct first"
 NO_CAMERAS = "This face has no cameras; reconstruct it again"
 NOT_A_SURFACE = "{name} is not a bicubic NURBS surface any more; undo, or reconstruct"
 CANCELLED = "Stopped; the scene is as it was"
+NO_SUCH_PHOTO = "There is no photo {name!r} in the list"
+NO_FILE = "There is no file {name}; choose another one"
+NO_LANDMARKS = "{name} has no landmarks yet; press Detect All or load a file"
+NO_EDITOR = "Press Edit Landmarks first"
+BAD_EDIT = "The landmarks hold {why}; undo until all points are back"
+FOUND = "Faces found in {found} of {all} photos"
+MOVED = "{count} landmarks were moved"
+NOT_WRITTEN = "The file could not be written: {why}"
+NO_CAMERA_OF = "No camera belongs to {name!r}; photos that were left out have none"
+NO_LIGHT = "No light was estimated for this photo"
+NO_MAP = "{name} has no {map} map; reconstruct it with shading"
+MESH = "A mesh of {count} triangles was made"
+NO_MAP_SHOWN = "No picture is shown on the surface; choose one under Texture"
+NO_EXPRESSION = "No ticked photo has the expression {name!r}; set it in the photo list"
+KEY = "Shape key {name} made"
+WROTE = "Wrote {path}"
+COPIED = "The information is in the clipboard; paste it into your report"
+NO_SUCH_FILES = "The photos of {name} are not where they were; add them to the list"
+COUNTS = "{all} photos: {use} ticked, {used} used, {failed} with faults"
+CAPTURE = (
+    "10 to 40 sharp photos of one person with a calm face: from the front, and up to "
+    "45 degrees from either side.",
+    "Let the light change from photo to photo: its shading gives the fine shape.",
+)
+EDITING = (
+    "Select points and press G to move them onto the picture. Points that you move "
+    "count more than detected ones."
+)
+EXPRESSIONS = (
+    "Give the photos of one expression a word, such as Smile; "
+    "each word becomes a shape key."
+)
+MAKE_KEY = "Make Shape Key {name} ({count} photos)"
 MISSING = (
     "The library {missing} is missing; install the BSface zip that fits this Blender "
     "and platform, not the source folder"
@@ -70,6 +103,13 @@ UNEXPECTED = (
     "information at the end of the panel into a report"
 )
 BAD_SETTINGS = "The settings are not usable: {why}"
+
+
+def added(count, given):
+    """The sentence after adding photos."""
+    if count == given:
+        return f"{count} photos added"
+    return f"{count} photos added, {given - count} were in the list already"
 
 
 def done(face, reports):

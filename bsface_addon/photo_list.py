@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from pathlib import Path
 
 import bpy
+
+# Statuses of a photo with which nothing is wrong.
+FINE = ("waiting", "found", "used")
 
 
 def add(state, paths):
@@ -40,6 +44,19 @@ def rename(state):
         row.name = name
 
 
+def set_path(state, row, path):
+    """Give a row another file; what was known of the old one goes."""
+    row.path, row.original, row.quarters = str(path), "", 0
+    forget(row)
+    rename(state)
+
+
+def forget(row):
+    """Nothing is known of the row's photo."""
+    row.status, row.reason, row.landmarks = "waiting", "", ""
+    row.yaw, row.faces = 0.0, 0
+
+
 def absolute(row):
     """The row's file, whether stored relative to the .blend or not."""
     return Path(bpy.path.abspath(row.path))
@@ -51,8 +68,8 @@ def paths(state):
 
 
 def ignored(state):
-    """Names of the rows whose box is not ticked."""
-    return tuple(row.name for row in state.photos if not row.use)
+    """Names of the rows that do not make the neutral face: unticked or expressive."""
+    return tuple(row.name for row in state.photos if not row.use or row.expression)
 
 
 def take_reports(state, reports):
@@ -64,6 +81,62 @@ def take_reports(state, reports):
             continue
         row.status, row.reason = report.status, report.reason
         row.yaw = report.yaw or 0.0
+
+
+def landmarks(row):
+    """The row's core Landmarks, or None."""
+    import numpy as np
+
+    from ..core.evidence.landmarks import Landmarks
+
+    if not row.landmarks:
+        return None
+    stored = json.loads(row.landmarks)
+    stored["points"] = np.array(stored["points"])
+    stored["weight"] = np.array(stored["weight"])
+    return Landmarks(photo=row.name, **stored)
+
+
+def keep_landmarks(row, found):
+    """Store core Landmarks with the row."""
+    row.landmarks = json.dumps(
+        {
+            "scheme": found.scheme,
+            "points": np_round(found.points, 3),
+            "weight": np_round(found.weight, 4),
+            "source": found.source,
+            "score": float(found.score),
+            "faces": int(found.faces),
+            "note": found.note,
+        }
+    )
+    row.faces = found.faces
+
+
+def np_round(values, digits):
+    """A plain list; the digits that matter keep the file small."""
+    return values.round(digits).tolist()
+
+
+def known_landmarks(state):
+    """Photo name -> core Landmarks of all rows that have some."""
+    return {row.name: landmarks(row) for row in state.photos if row.landmarks}
+
+
+def take_landmarks(state, found):
+    """Store the landmarks of a detection or a run in the rows."""
+    rows = {row.name: row for row in state.photos}
+    for item in found:
+        if item.photo in rows:
+            keep_landmarks(rows[item.photo], item)
+
+
+def take_found(state, found):
+    """Mark the rows in which a face was found."""
+    names = {item.photo for item in found}
+    for row in state.photos:
+        if row.name in names:
+            row.status, row.reason = "found", ""
 
 
 def take_failures(state, failures):
@@ -78,10 +151,9 @@ def take_failures(state, failures):
 def counts(state):
     """How many rows there are, are ticked, have failed, and shape the face."""
     rows = [row for row in state.photos if row.use]
-    fine = ("waiting", "found", "used")
     return {
         "all": len(state.photos),
         "use": len(rows),
-        "failed": sum(row.status not in fine for row in rows),
+        "failed": sum(row.status not in FINE for row in rows),
         "used": sum(row.status == "used" for row in rows),
     }

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import ReconstructionError
-from . import messages
+from . import messages, photo_list
 
 
 @dataclass(frozen=True)
@@ -117,6 +117,100 @@ def solve(request, progress=None):
 def maps(result):
     """Pictures for the surface by kind (see `material.MAPS`)."""
     return {}
+
+
+def request(state, photos=None, name="", changes=None, **fields):
+    """The `Request` that the panel's state means.
+
+    Parameters
+    ----------
+    state : BSFACE_PG_scene
+    photos : tuple of paths, optional
+        Instead of those of the list.
+    name : str
+        Of a new face; by default that of the photos' folder.
+    changes : dict, optional
+        Settings that win over the panel's.
+    fields
+        Other fields of `Request`.
+    """
+    if photos is None:
+        fields.setdefault("ignore", photo_list.ignored(state))
+        fields.setdefault("landmarks", photo_list.known_landmarks(state))
+        photos = photo_list.paths(state)
+    if not photos:
+        raise ReconstructionError(messages.NO_PHOTOS)
+    return Request(
+        photos=photos,
+        settings=settings(state.settings, changes),
+        name=name or face_name(photos),
+        **fields,
+    )
+
+
+def photos_of(face):
+    """Files of the photos that shaped a face, as far as they are still there."""
+    from . import scene
+
+    rows = scene.stored(face, scene.PHOTOS, [])
+    found = tuple(Path(row["path"]) for row in rows if row["path"])
+    found = tuple(path for path in found if path.is_file())
+    if not found:
+        raise ReconstructionError(messages.NO_SUCH_FILES.format(name=face.name))
+    return found
+
+
+def detect(request, progress=None):
+    """Find faces and landmarks only; returns the core's Gathered."""
+    from ..core.evidence.gather import gather
+
+    return gather(
+        request.photos,
+        request.settings,
+        progress,
+        ignore=request.ignore,
+        landmarks=request.landmarks or None,
+    )
+
+
+def photo_size(path, name):
+    """A core Photo (its size is that of the turned picture) or PhotoFailure."""
+    from ..core.evidence.photos import read_photo
+
+    return read_photo(path, name)
+
+
+def line_indices(scheme):
+    """Where the 68 points stand among the landmarks of a scheme, or None."""
+    from ..core.surface.template import load_template
+
+    if scheme == "68":
+        return range(68)
+    return load_template().schemes["68"] if scheme == "468" else None
+
+
+def write_landmarks(path, found):
+    """Write landmarks; .pts takes the 68 points out of the 468."""
+    from ..core.evidence.landmarks import write_landmarks
+
+    if path.suffix.lower() == ".pts" and found.scheme == "468":
+        found = found.subset("68", line_indices("468"))
+    try:
+        write_landmarks(path, found)
+    except (OSError, ValueError) as error:
+        raise ReconstructionError(messages.NOT_WRITTEN.format(why=error)) from error
+
+
+def normal_map(surface, resolution=512):
+    """Normals as colours, (resolution, resolution, 3) floats, row j = v_j.
+
+    Red is x (the picture's right), green y (up), blue z (towards the camera).
+    """
+    import numpy as np
+
+    at = (np.arange(resolution) + 0.5) / resolution
+    u, v = np.meshgrid(at, at)
+    return (surface.normals(u, v) + 1) / 2
 
 
 def deliver(context, request, outcome, *, face=None, scale=1.0):

@@ -35,12 +35,23 @@ class BSFACE_PG_photo(bpy.types.PropertyGroup):
 
     name: StringProperty(name="Name", description="Name of the photo in the report")
     path: StringProperty(name="File", subtype="FILE_PATH")
+    original: StringProperty(
+        name="Original",
+        description="The file before it was turned",
+        subtype="FILE_PATH",
+    )
+    quarters: IntProperty(name="Quarter Turns", description="Clockwise")
     use: BoolProperty(
         name="Use", description="Use this photo in the next run", default=True
     )
     status: StringProperty(name="Status", default="waiting")
     reason: StringProperty(name="Reason")
     yaw: FloatProperty(name="Turned", description="Degrees to the picture's right")
+    landmarks: StringProperty(name="Landmarks", description="As JSON; empty: none yet")
+    expression: StringProperty(
+        name="Expression",
+        description="Photos with the same word make one shape key; empty: neutral",
+    )
     faces: IntProperty(name="Faces", description="Faces seen in this photo")
 
 
@@ -100,6 +111,9 @@ class BSFACE_PG_scene(bpy.types.PropertyGroup):
     separate: BoolProperty(
         name="Make Another Face",
         description="Make a new object instead of updating the face that is there",
+    )
+    hints: StringProperty(
+        name="Hints", description="What photos are missing, one sentence a line"
     )
     last_error: StringProperty(name="Last Error", options={"SKIP_SAVE"})
 

@@ -13,7 +13,7 @@ import math
 import bpy
 from mathutils import Quaternion, Vector
 
-from . import cameras, lights, material, surface_object
+from . import cameras, face_file, lights, material, surface_object
 
 # Custom properties of the face object; JSON texts, so that they read the same in
 # every version and outside Blender.
@@ -84,7 +84,7 @@ def place(context, result, name, *, face=None, scale=1.0, maps=None):
             _remove(old)
             for obj in [*cameras.of_face(face), *lights.of_face(face)]:
                 obj.name = obj.data.name = _child_name(face, obj)
-        _select_only(context, face)
+        select_only(context, face)
     return face
 
 
@@ -204,11 +204,9 @@ def _write_facts(face, result):
     face[REPORT] = to_json(list(result.reports))
     face[WARNINGS] = to_json(list(result.warnings))
     face[PHOTOS] = to_json(
-        [
-            {"name": p.name, "path": p.path, "size": p.size, "landmarks": m}
-            for p, m in zip(result.photos, result.landmarks, strict=True)
-        ]
+        [{"name": p.name, "path": p.path, "size": p.size} for p in result.photos]
     )
+    face_file.keep(face, result)
 
 
 def _collection(context, face):
@@ -250,7 +248,8 @@ def _remove(objects):
     bpy.data.batch_remove([d for d in data if d.users == 0])
 
 
-def _select_only(context, face):
+def select_only(context, face):
+    """Make the face the active and only selected object."""
     context.view_layer.update()
     for obj in context.view_layer.objects:
         obj.select_set(obj == face)

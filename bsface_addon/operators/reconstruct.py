@@ -5,7 +5,6 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
-from ...core.errors import ReconstructionError
 from .. import job, messages, photo_list, pipeline, scene
 from . import running
 
@@ -62,26 +61,18 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
 
     def prepare(self, context):
         state = context.scene.bsface
+        photos = None
         if self.directory:
             from ...core.evidence.photos import list_photos
 
             photos = list_photos(bpy.path.abspath(self.directory))
-        else:
-            photos = photo_list.paths(state)
-        if not photos:
-            raise ReconstructionError(messages.NO_PHOTOS)
         changes = pipeline.parsed(self.settings)
         if self.control_points_u or self.control_points_v:
             changes["control_points"] = (
                 self.control_points_u or state.settings.control_points_u,
                 self.control_points_v or state.settings.control_points_v,
             )
-        return pipeline.Request(
-            photos=photos,
-            settings=pipeline.settings(state.settings, changes),
-            name=self.name or pipeline.face_name(photos),
-            ignore=() if self.directory else photo_list.ignored(state),
-        )
+        return pipeline.request(state, photos, self.name, changes)
 
     def deliver(self, context, request, outcome):
         state = context.scene.bsface
@@ -92,6 +83,7 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         if self.directory:
             photo_list.replace(state, request.photos)
         photo_list.take_reports(state, outcome.result.reports)
+        photo_list.take_landmarks(state, outcome.result.landmarks)
         for warning in outcome.result.warnings:
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, messages.done(face, outcome.result.reports))

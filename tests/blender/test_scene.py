@@ -12,6 +12,7 @@ from mathutils import Vector
 
 scene = load("bsface_addon.scene")
 cameras = load("bsface_addon.cameras")
+face_file = load("bsface_addon.face_file")
 lights = load("bsface_addon.lights")
 material = load("bsface_addon.material")
 surface_object = load("bsface_addon.surface_object")
@@ -116,7 +117,9 @@ def test_facts_stay_with_the_object(empty_scene, tmp_path):
     assert json.loads(face[scene.SETTINGS])["eye_distance_mm"] == 62.0
     report = scene.stored(face, scene.REPORT, None)
     assert [row["status"] for row in report] == ["used"] * 3 + ["no_face"]
-    assert scene.stored(face, scene.PHOTOS, [])[0]["landmarks"]["scheme"] == "40"
+    assert scene.stored(face, scene.PHOTOS, [])[0]["size"] == list(faces.SIZE)
+    saved = face_file.saved(face)
+    assert saved.landmark_schemes == ("40",) * 3 and len(saved.cameras) == 3
 
 
 def test_a_second_run_updates_the_same_object(empty_scene, tmp_path):

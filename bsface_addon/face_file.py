@@ -1,0 +1,82 @@
+"""The face file (.npz) inside the face object, so that a .blend knows all of a run.
+
+Cameras, landmarks, light, settings and report lie in one custom property, as the
+bytes of the file that the core writes; the control points of the object win over
+those in the file, because the artist may have moved them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from . import surface_object
+
+KEY = "bsface_file"
+
+
+def keep(face, result):
+    """Store what the core's file of a reconstruction would hold."""
+    from ..core.output.formats.npz import contents, npz_bytes
+
+    face[KEY] = npz_bytes(contents(result))
+
+
+def saved(face, key=None):
+    """The core's SavedFace with the control points of the object as they are.
+
+    Parameters
+    ----------
+    key : str, optional
+        Shape key to take the control points from.
+    """
+    from ..core.output.formats.npz import read_npz
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "face.npz"
+        path.write_bytes(_bytes(face, surface_object.read(face, key)))
+        return read_npz(path)
+
+
+def write(path, face):
+    """Write the face file of an object."""
+    from ..core.output.files import write_bytes
+
+    return write_bytes(path, _bytes(face, surface_object.read(face)))
+
+
+def _bytes(face, points):
+    from ..core.output.formats.npz import npz_bytes
+
+    with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    count_u, count_v = points.shape[:2]
+    arrays["control_points"] = points
+    arrays["knots_u"] = np.arange(count_u + 4.0)
+    arrays["knots_v"] = np.arange(count_v + 4.0)
+    if arrays.get("confidence", points).shape[:2] != (count_u, count_v):
+        del arrays["confidence"]
+    return npz_bytes(arrays)
+
+
+def surface(face, key=None):
+    """The object's control points as the core's BSplineSurface."""
+    from ..core.surface.bspline import BSplineSurface
+
+    return BSplineSurface(surface_object.read(face, key))
+
+
+def outline(face):
+    """The face's outline in (u, v), (k, 2), or None where it is not known."""
+    return saved(face).outline_uv
+
+
+def template(face):
+    """The core's template with the object's surface in place of the average face."""
+    from ..core.surface.template import load_template
+
+    return dataclasses.replace(load_template(), surface=surface(face))

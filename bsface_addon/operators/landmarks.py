@@ -1,0 +1,209 @@
+"""Landmarks: find them all, show and move those of a photo, files, several faces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from ...core.errors import ReconstructionError
+from .. import landmark_editor, messages, photo_list, pipeline
+from .photos import RowOperator, ready
+from .running import LongOperator
+
+
+class BSFACE_OT_landmarks_detect(LongOperator, bpy.types.Operator):
+    """Find the face and its landmarks in every ticked photo"""
+
+    bl_idname = "bsface.landmarks_detect"
+    bl_label = "Detect All"
+    bl_options = {"UNDO"}
+
+    solve = staticmethod(pipeline.detect)
+
+    @classmethod
+    def poll(cls, context):
+        return ready(cls, context)
+
+    def prepare(self, context):
+        state = context.scene.bsface
+        known = photo_list.known_landmarks(state)
+        # What a person did stays; the rest is looked for anew.
+        given = {n: item for n, item in known.items() if item.source != "detected"}
+        return pipeline.request(state, landmarks=given)
+
+    def deliver(self, context, request, outcome):
+        state = context.scene.bsface
+        photo_list.take_landmarks(state, outcome.landmarks)
+        photo_list.take_failures(state, outcome.failures)
+        photo_list.take_found(state, outcome.landmarks)
+        found, total = len(outcome.landmarks), len(state.photos)
+        self.report({"INFO"}, messages.FOUND.format(found=found, all=total))
+
+
+class BSFACE_OT_landmarks_edit(RowOperator, bpy.types.Operator):
+    """Show the landmarks over the photo; move wrong ones with G, then press Done"""
+
+    bl_idname = "bsface.landmarks_edit"
+    bl_label = "Edit Landmarks"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        row = self.row(context)
+        if row is None:
+            return {"CANCELLED"}
+        found = photo_list.landmarks(row)
+        if found is None:
+            self.report({"ERROR"}, messages.NO_LANDMARKS.format(name=row.name))
+            return {"CANCELLED"}
+        photo = pipeline.photo_size(photo_list.absolute(row), row.name)
+        if not photo:
+            self.report({"ERROR"}, photo.reason)
+            return {"CANCELLED"}
+        if landmark_editor.editor() is not None:
+            bpy.ops.bsface.landmarks_done()
+        lines = pipeline.line_indices(found.scheme)
+        landmark_editor.open_editor(context, photo, found, lines)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_landmarks_done(bpy.types.Operator):
+    """Keep the landmarks as they are now and go back to the scene"""
+
+    bl_idname = "bsface.landmarks_done"
+    bl_label = "Done"
+    bl_options = {"REGISTER", "UNDO"}
+
+    keep: bpy.props.BoolProperty(
+        name="Keep", description="Off: forget the changes", default=True
+    )
+
+    @classmethod
+    def poll(cls, context):
+        if landmark_editor.editor() is None:
+            cls.poll_message_set(messages.NO_EDITOR)
+            return False
+        return True
+
+    def execute(self, context):
+        obj = landmark_editor.editor()
+        state = context.scene.bsface
+        rows = {row.name: row for row in state.photos}
+        row = rows.get(obj[landmark_editor.PHOTO])
+        if self.keep and row is not None:
+            try:
+                points, weight, moved = landmark_editor.edited(obj)
+            except ValueError as error:
+                self.report({"ERROR"}, messages.BAD_EDIT.format(why=error))
+                return {"CANCELLED"}
+            if moved.any():
+                found = photo_list.landmarks(row)
+                found = replace(found, points=points, weight=weight, source="hand")
+                photo_list.keep_landmarks(row, found)
+                row.status, row.reason = "found", ""
+            self.report({"INFO"}, messages.MOVED.format(count=int(moved.sum())))
+        landmark_editor.close_editor(context, obj)
+        return {"FINISHED"}
+
+
+class LandmarkFile(RowOperator):
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default="*.pts;*.json", options={"HIDDEN"})
+
+
+class BSFACE_OT_landmarks_import(LandmarkFile, bpy.types.Operator):
+    """Read this photo's landmarks from a .pts (68 points) or .json file"""
+
+    bl_idname = "bsface.landmarks_import"
+    bl_label = "Import Landmarks"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        from ...core.evidence.landmarks import LandmarkFileError, read_landmarks
+
+        row = self.row(context)
+        if row is None:
+            return {"CANCELLED"}
+        try:
+            path = bpy.path.abspath(self.filepath)
+            photo_list.keep_landmarks(row, read_landmarks(path, row.name))
+        except LandmarkFileError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        row.status, row.reason = "found", ""
+        return {"FINISHED"}
+
+
+class BSFACE_OT_landmarks_export(LandmarkFile, bpy.types.Operator):
+    """Write this photo's landmarks to a .json file, or to .pts where they are 68"""
+
+    bl_idname = "bsface.landmarks_export"
+    bl_label = "Export Landmarks"
+    bl_options = {"REGISTER"}
+
+    def invoke(self, context, event):
+        row = self.row(context)
+        if row is not None:
+            self.filepath = str(photo_list.absolute(row).with_suffix(".json"))
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        row = self.row(context)
+        found = None if row is None else photo_list.landmarks(row)
+        if found is None:
+            if row is not None:
+                self.report({"ERROR"}, messages.NO_LANDMARKS.format(name=row.name))
+            return {"CANCELLED"}
+        try:
+            pipeline.write_landmarks(Path(bpy.path.abspath(self.filepath)), found)
+        except ReconstructionError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class BSFACE_OT_landmarks_clear(bpy.types.Operator):
+    """Forget landmarks, so that they are looked for again"""
+
+    bl_idname = "bsface.landmarks_clear"
+    bl_label = "Reset Landmarks"
+    bl_options = {"REGISTER", "UNDO"}
+
+    which: EnumProperty(
+        name="Which",
+        items=(
+            ("ACTIVE", "Active Photo", "Those of the active photo"),
+            ("ALL", "All Photos", "Those of all photos"),
+        ),
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return ready(cls, context)
+
+    def execute(self, context):
+        state = context.scene.bsface
+        rows = list(state.photos)
+        if self.which == "ACTIVE":
+            rows = rows[state.active_photo : state.active_photo + 1]
+        for row in rows:
+            photo_list.forget(row)
+        return {"FINISHED"}
+
+
+CLASSES = (
+    BSFACE_OT_landmarks_detect,
+    BSFACE_OT_landmarks_edit,
+    BSFACE_OT_landmarks_done,
+    BSFACE_OT_landmarks_import,
+    BSFACE_OT_landmarks_export,
+    BSFACE_OT_landmarks_clear,
+)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

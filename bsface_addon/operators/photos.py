@@ -1,0 +1,239 @@
+"""The photo list: add, remove, use or ignore, replace, turn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    IntProperty,
+    StringProperty,
+)
+
+from ...core.errors import ReconstructionError
+from .. import job, messages, photo_list
+
+ENDINGS = "*.jpg;*.jpeg;*.png;*.tif;*.tiff;*.webp;*.bmp"
+
+
+def ready(cls, context, needs_photos=True):
+    """Shared poll: no job runs and, if asked, there are photos."""
+    if job.current() is not None:
+        cls.poll_message_set(messages.RUNNING)
+        return False
+    if needs_photos and not context.scene.bsface.photos:
+        cls.poll_message_set(messages.NO_PHOTOS)
+        return False
+    return True
+
+
+class RowOperator:
+    """An operator on one row of the list: the one of ``photo``, or the active one."""
+
+    photo: StringProperty(
+        name="Photo", description="Name of the photo; empty: the active row"
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return ready(cls, context)
+
+    def row(self, context):
+        """The row, or None after reporting that there is no such photo."""
+        state = context.scene.bsface
+        if not self.photo and 0 <= state.active_photo < len(state.photos):
+            return state.photos[state.active_photo]
+        for row in state.photos:
+            if row.name == self.photo:
+                return row
+        self.report({"ERROR"}, messages.NO_SUCH_PHOTO.format(name=self.photo))
+        return None
+
+
+class BSFACE_OT_photos_add(bpy.types.Operator):
+    """Add photos of one person: choose some, or go into a folder and choose none"""
+
+    bl_idname = "bsface.photos_add"
+    bl_label = "Add Photos"
+    bl_options = {"REGISTER", "UNDO"}
+
+    directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    files: CollectionProperty(
+        type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"}
+    )
+    filter_glob: StringProperty(default=ENDINGS, options={"HIDDEN"})
+    filter_image: BoolProperty(default=True, options={"HIDDEN"})
+    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        return ready(cls, context, needs_photos=False)
+
+    def invoke(self, context, event):
+        if self.directory and any(item.name for item in self.files):
+            return self.execute(context)  # dropped into the view
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        from ...core.evidence.photos import list_photos
+
+        folder = Path(bpy.path.abspath(self.directory))
+        names = [item.name for item in self.files if item.name]
+        try:
+            paths = [folder / name for name in names] or list_photos(folder)
+        except ReconstructionError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        added = photo_list.add(context.scene.bsface, paths)
+        self.report({"INFO"}, messages.added(added, len(paths)))
+        return {"FINISHED"}
+
+
+class BSFACE_OT_photos_remove(RowOperator, bpy.types.Operator):
+    """Take this photo off the list; the file stays"""
+
+    bl_idname = "bsface.photos_remove"
+    bl_label = "Remove Photo"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        row = self.row(context)
+        if row is None:
+            return {"CANCELLED"}
+        state = context.scene.bsface
+        state.photos.remove(list(state.photos).index(row))
+        state.active_photo = min(state.active_photo, max(len(state.photos) - 1, 0))
+        photo_list.rename(state)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_photos_clear(bpy.types.Operator):
+    """Empty the list; files and faces stay"""
+
+    bl_idname = "bsface.photos_clear"
+    bl_label = "Reset Photos"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return ready(cls, context)
+
+    def execute(self, context):
+        context.scene.bsface.photos.clear()
+        context.scene.bsface.active_photo = 0
+        return {"FINISHED"}
+
+
+class BSFACE_OT_photos_use(bpy.types.Operator):
+    """Tick or untick several photos at once"""
+
+    bl_idname = "bsface.photos_use"
+    bl_label = "Use Photos"
+    bl_options = {"REGISTER", "UNDO"}
+
+    which: EnumProperty(
+        name="Which",
+        items=(
+            ("ALL", "All", "Use all photos"),
+            ("NONE", "None", "Use no photo"),
+            ("INVERT", "Invert", "Use the others"),
+            ("GOOD", "Without Faults", "Leave out the photos that were of no use"),
+        ),
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return ready(cls, context)
+
+    def execute(self, context):
+        for row in context.scene.bsface.photos:
+            row.use = {
+                "ALL": True,
+                "NONE": False,
+                "INVERT": not row.use,
+                "GOOD": row.status in photo_list.FINE,
+            }[self.which]
+        return {"FINISHED"}
+
+
+class BSFACE_OT_photos_replace(RowOperator, bpy.types.Operator):
+    """Put another file in this photo's place"""
+
+    bl_idname = "bsface.photos_replace"
+    bl_label = "Replace Photo"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default=ENDINGS, options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        row = self.row(context)
+        path = Path(bpy.path.abspath(self.filepath))
+        if row is None:
+            return {"CANCELLED"}
+        if not path.is_file():
+            self.report({"ERROR"}, messages.NO_FILE.format(name=path))
+            return {"CANCELLED"}
+        photo_list.set_path(context.scene.bsface, row, path)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_photos_turn(RowOperator, bpy.types.Operator):
+    """Turn the picture, for a photo that lies on its side; the file stays as it is"""
+
+    bl_idname = "bsface.photos_turn"
+    bl_label = "Turn Photo"
+    bl_options = {"REGISTER", "UNDO"}
+
+    quarters: IntProperty(
+        name="Quarter Turns", description="Clockwise", default=1, min=-3, max=3
+    )
+
+    def execute(self, context):
+        from .. import turned
+
+        row = self.row(context)
+        if row is None:
+            return {"CANCELLED"}
+        try:
+            path, quarters = turned.turn(row, self.quarters)
+        except ReconstructionError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        original = row.original or row.path
+        photo_list.set_path(context.scene.bsface, row, path)
+        row.original, row.quarters = (original, quarters) if quarters else ("", 0)
+        return {"FINISHED"}
+
+
+class BSFACE_FH_photos(bpy.types.FileHandler):
+    """Images dropped into the 3D view become rows of the list"""
+
+    bl_idname = "BSFACE_FH_photos"
+    bl_label = "Add to BSface photos"
+    bl_import_operator = "bsface.photos_add"
+    bl_file_extensions = ENDINGS.replace("*", "")
+
+    @classmethod
+    def poll_drop(cls, context):
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+CLASSES = (
+    BSFACE_OT_photos_add,
+    BSFACE_OT_photos_remove,
+    BSFACE_OT_photos_clear,
+    BSFACE_OT_photos_use,
+    BSFACE_OT_photos_replace,
+    BSFACE_OT_photos_turn,
+    BSFACE_FH_photos,
+)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,237 @@
+"""The surface after the first run: refit, resample, symmetrise, maps, mesh, removal."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+
+from .. import (
+    face_file,
+    job,
+    material,
+    mesh_copy,
+    messages,
+    photo_list,
+    pipeline,
+    scene,
+    surface_object,
+)
+from .running import LongOperator
+
+
+class FaceOperator:
+    """An operator on the face that the buttons mean."""
+
+    @classmethod
+    def poll(cls, context):
+        if job.current() is not None:
+            cls.poll_message_set(messages.RUNNING)
+            return False
+        if scene.active_face(context) is None:
+            cls.poll_message_set(messages.NO_FACE_OBJECT)
+            return False
+        return True
+
+
+class BSFACE_OT_surface_refit(FaceOperator, LongOperator, bpy.types.Operator):
+    """Fit again, starting from the control points as you edited them"""
+
+    bl_idname = "bsface.surface_refit"
+    bl_label = "Refit"
+    bl_options = {"UNDO"}
+
+    def prepare(self, context):
+        face = scene.active_face(context)
+        state = context.scene.bsface
+        shape = surface_object.shape(face)
+        photos = None if state.photos else pipeline.photos_of(face)
+        return pipeline.request(
+            state,
+            photos,
+            face.name,
+            {"control_points": shape},
+            template=face_file.template(face),
+        )
+
+    def deliver(self, context, request, outcome):
+        face = scene.active_face(context)
+        pipeline.deliver(context, request, outcome, face=face)
+        state = context.scene.bsface
+        photo_list.take_reports(state, outcome.result.reports)
+        self.report({"INFO"}, messages.done(face, outcome.result.reports))
+
+
+class BSFACE_OT_surface_resample(FaceOperator, bpy.types.Operator):
+    """Change the numbers of control points; the shape stays as near as it can"""
+
+    bl_idname = "bsface.surface_resample"
+    bl_label = "Resample"
+    bl_options = {"REGISTER", "UNDO"}
+
+    control_points_u: IntProperty(
+        name="Control Points Across", default=40, min=4, max=200
+    )
+    control_points_v: IntProperty(
+        name="Control Points Down", default=40, min=4, max=200
+    )
+
+    def invoke(self, context, event):
+        face = scene.active_face(context)
+        self.control_points_u, self.control_points_v = surface_object.shape(face)
+        return context.window_manager.invoke_props_dialog(self)
+
+    def execute(self, context):
+        face = scene.active_face(context)
+        count = (self.control_points_u, self.control_points_v)
+        keys = face.data.shape_keys.key_blocks[1:] if face.data.shape_keys else []
+        shapes = {key.name: face_file.surface(face, key.name) for key in keys}
+        basis = face_file.surface(face).resampled(count).control_points
+        with scene.all_or_nothing(context):
+            scene.leave_edit_mode(context)
+            surface_object.write(context, face, basis)
+            for name, shape in shapes.items():
+                points = shape.resampled(count).control_points
+                surface_object.add_shape_key(face, name, points)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_surface_symmetrise(FaceOperator, bpy.types.Operator):
+    """Make the two halves of the face mirror images of each other"""
+
+    bl_idname = "bsface.surface_symmetrise"
+    bl_label = "Symmetrise"
+    bl_options = {"REGISTER", "UNDO"}
+
+    side: EnumProperty(
+        name="From",
+        items=(
+            ("BOTH", "Both Halves", "The mean of the two halves"),
+            ("LEFT", "Left of Picture", "The half at the left of the picture (x < 0)"),
+            ("RIGHT", "Right of Picture", "The half at the right of the picture"),
+        ),
+    )
+    amount: FloatProperty(
+        name="Amount", default=1.0, min=0.0, max=1.0, subtype="FACTOR"
+    )
+
+    def execute(self, context):
+        from ...core.surface.symmetry import symmetrised
+
+        face = scene.active_face(context)
+        surface = face_file.surface(face)
+        points = symmetrised(surface, self.side.lower(), self.amount).control_points
+        with scene.all_or_nothing(context):
+            scene.leave_edit_mode(context)
+            surface_object.write(context, face, points)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_surface_to_mesh(FaceOperator, bpy.types.Operator):
+    """Make a mesh with UVs and the same material; the surface stays"""
+
+    bl_idname = "bsface.surface_to_mesh"
+    bl_label = "Convert to Mesh"
+    bl_options = {"REGISTER", "UNDO"}
+
+    tolerance: FloatProperty(
+        name="Tolerance",
+        description="Largest distance from the surface in millimetres of the face",
+        default=0.1,
+        min=0.005,
+        max=10.0,
+    )
+    trim: BoolProperty(
+        name="Trim to the Face",
+        description="Leave out the rim of the patch that lies outside the face",
+        default=True,
+    )
+
+    def execute(self, context):
+        face = scene.active_face(context)
+        outline = face_file.outline(face) if self.trim else None
+        surface = face_file.surface(face)
+        try:
+            with scene.all_or_nothing(context):
+                scene.leave_edit_mode(context)
+                made = mesh_copy.add(context, face, surface, outline, self.tolerance)
+        except ValueError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, messages.MESH.format(count=len(made.data.polygons)))
+        return {"FINISHED"}
+
+
+class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
+    """Choose what is painted on the surface"""
+
+    bl_idname = "bsface.surface_map"
+    bl_label = "Show on Surface"
+    bl_options = {"REGISTER", "UNDO"}
+
+    kind: EnumProperty(
+        name="Map",
+        items=(
+            ("PLAIN", "Plain", "One colour, to judge the shape"),
+            ("PHOTO", "Photo Texture", "The mean of the photos"),
+            ("NORMALS", "Normals", "Direction of the surface as a colour"),
+            ("RESIDUAL", "Residual", "Where the photos contradict the surface"),
+            ("CONFIDENCE", "Confidence", "How well the photos fix the surface, in mm"),
+        ),
+    )
+
+    def execute(self, context):
+        face = scene.active_face(context)
+        if self.kind == "NORMALS":
+            # Of the surface as it is now, edits included.
+            pixels = pipeline.normal_map(face_file.surface(face))
+            material.store_map(face, "NORMALS", pixels)
+        try:
+            material.show(face, self.kind)
+        except KeyError:
+            label = material.MAPS[self.kind][0]
+            self.report({"ERROR"}, messages.NO_MAP.format(name=face.name, map=label))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class BSFACE_OT_surface_net(FaceOperator, bpy.types.Operator):
+    """Show the control net and edit its points with Blender's own tools, or stop"""
+
+    bl_idname = "bsface.surface_net"
+    bl_label = "Control Net"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        face = scene.active_face(context)
+        editing = face.mode == "EDIT"
+        scene.leave_edit_mode(context)
+        if not editing:
+            scene.select_only(context, face)
+            bpy.ops.object.mode_set(mode="EDIT")
+        return {"FINISHED"}
+
+
+class BSFACE_OT_face_remove(FaceOperator, bpy.types.Operator):
+    """Delete the face with its cameras, lights and photos; the files stay"""
+
+    bl_idname = "bsface.face_remove"
+    bl_label = "Remove Face"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        scene.leave_edit_mode(context)
+        scene.remove_face(context, scene.active_face(context))
+        context.scene.bsface.face = None
+        return {"FINISHED"}
+
+
+CLASSES = (
+    BSFACE_OT_surface_refit,
+    BSFACE_OT_surface_resample,
+    BSFACE_OT_surface_symmetrise,
+    BSFACE_OT_surface_to_mesh,
+    BSFACE_OT_surface_map,
+    BSFACE_OT_surface_net,
+    BSFACE_OT_face_remove,
+)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

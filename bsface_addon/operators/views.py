@@ -1,0 +1,137 @@
+"""Cameras and light: look through the photos one after the other, switch their suns."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+
+from .. import cameras, lights, messages, scene
+from .surface import FaceOperator
+
+
+class ViewOperator(FaceOperator):
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        if not cameras.of_face(scene.active_face(context)):
+            cls.poll_message_set(messages.NO_CAMERAS)
+            return False
+        return True
+
+
+class BSFACE_OT_view_photo(ViewOperator, bpy.types.Operator):
+    """Look through the camera of a photo, with the photo behind the surface"""
+
+    bl_idname = "bsface.view_photo"
+    bl_label = "View Photo"
+    bl_options = {"REGISTER", "UNDO"}
+
+    direction: EnumProperty(
+        name="Direction",
+        items=(
+            ("NEXT", "Next", "The next photo"),
+            ("PREVIOUS", "Previous", "The photo before"),
+            ("NAMED", "Named", "The photo of the name"),
+        ),
+    )
+    photo: StringProperty(name="Photo", description="For the direction Named")
+
+    def execute(self, context):
+        views = cameras.of_face(scene.active_face(context))
+        names = [view[cameras.PHOTO_KEY] for view in views]
+        if self.direction == "NAMED":
+            if self.photo not in names:
+                text = messages.NO_CAMERA_OF.format(name=self.photo)
+                self.report({"ERROR"}, text)
+                return {"CANCELLED"}
+            index = names.index(self.photo)
+        else:
+            step = 1 if self.direction == "NEXT" else -1
+            now = context.scene.camera
+            start = views.index(now) if now in views else (-1 if step > 0 else 0)
+            index = (start + step) % len(views)
+        cameras.look_through(context, views[index])
+        state = context.scene.bsface
+        rows = [row.name for row in state.photos]
+        if names[index] in rows:
+            state.active_photo = rows.index(names[index])
+        return {"FINISHED"}
+
+
+class BSFACE_OT_view_leave(ViewOperator, bpy.types.Operator):
+    """Look freely at the scene again"""
+
+    bl_idname = "bsface.view_leave"
+    bl_label = "Leave Camera View"
+    bl_options = {"REGISTER"}
+
+    def execute(self, context):
+        cameras.leave_views(context)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_view_front(ViewOperator, bpy.types.Operator):
+    """Show the photos half transparent in front of the surface, or behind it"""
+
+    bl_idname = "bsface.view_front"
+    bl_label = "Photo in Front"
+    bl_options = {"REGISTER", "UNDO"}
+
+    front: BoolProperty(name="In Front", default=True)
+
+    def execute(self, context):
+        for view in cameras.of_face(scene.active_face(context)):
+            cameras.put_photo(view, self.front)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_view_show(ViewOperator, bpy.types.Operator):
+    """Show or hide the cameras of the face in the view"""
+
+    bl_idname = "bsface.view_show"
+    bl_label = "Show Cameras"
+    bl_options = {"REGISTER", "UNDO"}
+
+    show: BoolProperty(name="Show", default=True)
+
+    def execute(self, context):
+        for view in cameras.of_face(scene.active_face(context)):
+            view.hide_viewport = not self.show
+        return {"FINISHED"}
+
+
+class BSFACE_OT_light_show(FaceOperator, bpy.types.Operator):
+    """Switch on the sun that stands for a photo's light, and the others off"""
+
+    bl_idname = "bsface.light_show"
+    bl_label = "Light of Photo"
+    bl_options = {"REGISTER", "UNDO"}
+
+    photo: StringProperty(
+        name="Photo", description="Name of the photo; empty: that of the scene's camera"
+    )
+    show: BoolProperty(name="Show", default=True)
+
+    def execute(self, context):
+        suns = lights.of_face(scene.active_face(context))
+        camera = context.scene.camera
+        name = self.photo
+        if not name and camera is not None:
+            name = camera.get(cameras.PHOTO_KEY, "")
+        if self.show and name not in [sun[lights.PHOTO_KEY] for sun in suns]:
+            self.report({"ERROR"}, messages.NO_LIGHT)
+            return {"CANCELLED"}
+        for sun in suns:
+            lights.switch(sun, self.show and sun[lights.PHOTO_KEY] == name)
+        return {"FINISHED"}
+
+
+CLASSES = (
+    BSFACE_OT_view_photo,
+    BSFACE_OT_view_leave,
+    BSFACE_OT_view_front,
+    BSFACE_OT_view_show,
+    BSFACE_OT_light_show,
+)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
