@@ -1,0 +1,239 @@
+"""Refit, resample, symmetrise, maps, mesh, views, expressions, export, support."""
+
+import bpy
+import numpy as np
+import pytest
+from blender import faces
+from blender.checkout import load
+
+scene = load("bsface_addon.scene")
+cameras = load("bsface_addon.cameras")
+lights = load("bsface_addon.lights")
+material = load("bsface_addon.material")
+face_file = load("bsface_addon.face_file")
+surface_object = load("bsface_addon.surface_object")
+formats = load("core.output.formats")
+
+
+@pytest.fixture
+def face(addon, solved, tmp_path):
+    """A face made by the operator."""
+    bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"), name="Ann")
+    solved.clear()
+    return bpy.context.scene.bsface.face
+
+
+def points(face, key=None):
+    return surface_object.read(face, key)
+
+
+def test_without_a_face_the_buttons_say_why(addon):
+    for name in ("surface_refit", "surface_map", "export", "view_photo", "face_remove"):
+        assert not getattr(bpy.ops.bsface, name).poll()
+    with pytest.raises(RuntimeError, match="Reconstruct first"):
+        bpy.ops.bsface.surface_symmetrise()
+
+
+def test_refit_starts_from_the_edited_net(face, solved):
+    bpy.ops.bsface.surface_net()
+    assert face.mode == "EDIT"
+    bpy.ops.curve.select_all(action="SELECT")
+    bpy.ops.transform.translate(value=(0, 0, 0.004))
+    edited = points(face)
+    bpy.ops.bsface.surface_refit()
+    (request,) = solved
+    np.testing.assert_array_equal(request.template.surface.control_points, edited)
+    assert request.settings.control_points == edited.shape[:2]
+    assert [obj for obj in bpy.data.objects if scene.is_face(obj)] == [face]
+
+
+def test_refit_finds_the_photos_without_the_list(face, solved, tmp_path):
+    bpy.ops.bsface.photos_clear()
+    bpy.ops.bsface.surface_refit()
+    assert [path.name for path in solved[0].photos] == ["0.png", "1.png", "2.png"]
+    for path in (tmp_path / "photos").iterdir():
+        path.unlink()
+    with pytest.raises(RuntimeError, match="not where they were"):
+        bpy.ops.bsface.surface_refit()
+
+
+def test_resample_keeps_shape_and_shape_keys(face):
+    before = face_file.surface(face)
+    surface_object.add_shape_key(face, "Smile", points(face) + (0, 0, 2))
+    bpy.ops.bsface.surface_resample(control_points_u=29, control_points_v=33)
+    assert surface_object.shape(face) == (29, 33)
+    # 26 and 30 spans hold the old 13 and 15: exact but for float32.
+    grid = before.grid(20, 20)
+    np.testing.assert_allclose(face_file.surface(face).grid(20, 20), grid, atol=1e-3)
+    smile = face_file.surface(face, "Smile").grid(20, 20)
+    np.testing.assert_allclose(smile, grid + (0, 0, 2), atol=1e-3)
+
+
+@pytest.mark.parametrize("side", ["BOTH", "LEFT", "RIGHT"])
+def test_symmetrise(face, side):
+    b = points(face)
+    b[3, 4] += (1, 2, 3)
+    surface_object.write(bpy.context, face, b)
+    bpy.ops.bsface.surface_symmetrise(side=side)
+    made = points(face)
+    np.testing.assert_allclose(made[::-1] * (-1, 1, 1), made, atol=1e-4)
+
+
+@pytest.mark.parametrize("trim", [True, False])
+def test_mesh_lies_on_the_surface_and_keeps_uv_and_material(face, trim):
+    bpy.ops.bsface.surface_to_mesh(tolerance=0.2, trim=trim)
+    obj = bpy.data.objects["Ann mesh"]
+    uv = np.empty(len(obj.data.loops) * 2, np.float32)
+    obj.data.uv_layers["UVMap"].data.foreach_get("uv", uv)
+    corner = np.empty(len(obj.data.loops), np.int32)
+    obj.data.loops.foreach_get("vertex_index", corner)
+    xyz = np.array([v.co for v in obj.data.vertices])[corner]
+    expected = face_file.surface(face).evaluate(*uv.reshape(-1, 2).astype(float).T)
+    np.testing.assert_allclose(xyz, expected, atol=1e-3)
+    assert obj.data.materials[0] == face.data.materials[0]
+    assert obj.matrix_world == face.matrix_world
+    # The rim goes when trimmed, and normals look out of the face.
+    assert (uv.min() > 0.02) == trim
+    assert np.mean([polygon.normal.z for polygon in obj.data.polygons]) > 0.3
+
+
+def test_maps(face):
+    for kind in ("NORMALS", "PLAIN"):
+        bpy.ops.bsface.surface_map(kind=kind)
+        assert material.shown(face) == kind
+    with pytest.raises(RuntimeError, match="no residual map"):
+        bpy.ops.bsface.surface_map(kind="RESIDUAL")
+
+
+def test_texture_is_saved_with_the_forehead_on_top(face, tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    picture = np.zeros((8, 6, 3), np.uint8)
+    picture[0] = (250, 20, 10)
+    material.store_map(face, "PHOTO", picture)
+    with pytest.raises(RuntimeError, match="No picture"):
+        bpy.ops.bsface.texture_save(filepath=str(tmp_path / "a.png"))
+    bpy.ops.bsface.surface_map(kind="PHOTO")
+    bpy.ops.bsface.texture_save(filepath=str(tmp_path / "a.png"))
+    saved = cv2.imread(str(tmp_path / "a.png"))[..., ::-1]
+    np.testing.assert_allclose(saved, picture, atol=1)
+
+
+def test_next_and_previous_photo(face):
+    seen = []
+    for direction in ("NEXT", "NEXT", "NEXT", "NEXT", "PREVIOUS"):
+        bpy.ops.bsface.view_photo(direction=direction)
+        seen.append(bpy.context.scene.camera[cameras.PHOTO_KEY])
+    assert seen == ["0.png", "1.png", "2.png", "0.png", "2.png"]
+    bpy.ops.bsface.view_photo(direction="NAMED", photo="1.png")
+    assert bpy.context.scene.bsface.active_photo == 1
+    render = bpy.context.scene.render
+    assert (render.resolution_x, render.resolution_y) == faces.SIZE
+    with pytest.raises(RuntimeError, match="No camera"):
+        bpy.ops.bsface.view_photo(direction="NAMED", photo="cat.png")
+
+
+def test_view_switches(face):
+    bpy.ops.bsface.view_front(front=True)
+    slot = cameras.of_face(face)[0].data.background_images[0]
+    assert slot.display_depth == "FRONT" and slot.alpha == 0.5
+    bpy.ops.bsface.view_front(front=False)
+    assert slot.display_depth == "BACK" and slot.alpha == 1.0
+    bpy.ops.bsface.view_show(show=False)
+    assert all(view.hide_viewport for view in cameras.of_face(face))
+    assert bpy.ops.bsface.view_leave() == {"FINISHED"}
+
+
+def test_one_sun_at_a_time(face):
+    bpy.ops.bsface.view_photo(direction="NAMED", photo="1.png")
+    bpy.ops.bsface.light_show()
+    assert [sun.hide_render for sun in lights.of_face(face)] == [True, False, True]
+    bpy.ops.bsface.light_show(photo="2.png")
+    assert [sun.hide_render for sun in lights.of_face(face)] == [True, True, False]
+    bpy.ops.bsface.light_show(show=False)
+    assert all(sun.hide_render for sun in lights.of_face(face))
+    with pytest.raises(RuntimeError, match="No light"):
+        bpy.ops.bsface.light_show(photo="cat.png")
+
+
+def test_expression_becomes_a_shape_key(face, solved):
+    bpy.ops.bsface.expression_assign(
+        expression="Smile", which="NAMED", photos="0.png|2.png"
+    )
+    neutral = points(face)
+    bpy.ops.bsface.expression_key(expression="Smile")
+    (request,) = solved
+    assert [path.name for path in request.photos] == ["0.png", "2.png"]
+    np.testing.assert_array_equal(request.template.surface.control_points, neutral)
+    np.testing.assert_array_equal(points(face), neutral)
+    assert face.data.shape_keys.key_blocks["Smile"] is not None
+    with pytest.raises(RuntimeError, match="No ticked photo"):
+        bpy.ops.bsface.expression_key(expression="Frown")
+    with pytest.raises(RuntimeError, match="no photo"):
+        bpy.ops.bsface.expression_assign(which="NAMED", photos="9.png")
+
+
+@pytest.mark.parametrize("kind", [".step", ".igs", ".nurbs.obj", ".obj", ".ply"])
+def test_export_writes_the_edited_surface(face, tmp_path, kind):
+    # The chosen format takes the place of another format's ending.
+    bpy.ops.bsface.export(filepath=str(tmp_path / "ann.iges"), kind=kind)
+    bpy.ops.bsface.export(filepath=str(tmp_path / f"bea{kind}"))
+    sizes = [(tmp_path / f"{name}{kind}").stat().st_size for name in ("ann", "bea")]
+    assert min(sizes) > 1000
+    assert len(list(tmp_path.glob("ann*"))) == 1
+
+
+def test_face_file_has_the_control_points_of_the_object(face, tmp_path):
+    b = points(face)
+    b[2, 3] += (4, 5, 6)
+    surface_object.write(bpy.context, face, b)
+    bpy.ops.bsface.export(filepath=str(tmp_path / "ann.npz"))
+    saved = formats.read_npz(tmp_path / "ann.npz")
+    np.testing.assert_array_equal(saved.control_points, points(face))
+    assert [row["status"] for row in saved.report][:3] == ["used"] * 3
+    assert len(saved.cameras) == 3
+
+
+def test_export_to_an_impossible_place_is_one_sentence(face, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RuntimeError, match="cannot be written"):
+        bpy.ops.bsface.export(filepath=str(tmp_path / "file" / "ann.step"))
+    with pytest.raises(RuntimeError, match="unknown ending"):
+        bpy.ops.bsface.export(filepath=str(tmp_path / "ann.xyz"))
+
+
+def test_everything_survives_saving(face, tmp_path):
+    b = points(face)
+    path = str(tmp_path / "a.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    face = bpy.context.scene.bsface.face
+    np.testing.assert_array_equal(points(face), b)
+    assert [row.name for row in bpy.context.scene.bsface.photos][0] == "0.png"
+    bpy.ops.bsface.export(filepath=str(tmp_path / "ann.step"))
+    bpy.ops.bsface.surface_refit()
+
+
+def test_removing_the_face(face):
+    bpy.ops.bsface.face_remove()
+    assert not bpy.data.objects and not bpy.data.curves and not bpy.data.images
+    assert bpy.context.scene.bsface.face is None
+
+
+def test_reset_and_presets(addon):
+    state = bpy.context.scene.bsface
+    state.settings.method, state.settings.control_points_u = "motion", 20
+    bpy.ops.bsface.preset_add(name="quick")
+    bpy.ops.bsface.reset()
+    assert state.settings.method == "joint" and state.settings.control_points_u == 40
+    path = next(
+        f"{folder}/quick.py" for folder in bpy.utils.preset_paths("bsface/settings")
+    )
+    bpy.ops.script.execute_preset(filepath=path, menu_idname="BSFACE_MT_presets")
+    assert state.settings.method == "motion" and state.settings.control_points_u == 20
+
+
+def test_system_information_names_the_versions(addon):
+    messages = load("bsface_addon.messages")
+    text = messages.system_information()
+    assert bpy.app.version_string in text and "scipy" in text
+    assert bpy.ops.bsface.copy_information() == {"FINISHED"}
