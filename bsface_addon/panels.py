@@ -349,7 +349,7 @@ class BSFACE_PT_support(BSFacePanel, bpy.types.Panel):
 
 def paragraph(context, layout, text, icon="NONE"):
     """Text wrapped to the sidebar's width."""
-    scale = context.preferences.system.ui_scale
+    scale = context.preferences.system.ui_scale or 1.0  # 0 without a window
     width = context.region.width if context.region else 300
     lines = textwrap.wrap(text, max(20, int((width / scale - 60) / 6.2)))
     column = layout.column(align=True)

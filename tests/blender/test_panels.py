@@ -1,0 +1,123 @@
+"""Every panel draws in every state; Blender itself draws none without a window."""
+
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
+import bpy
+import pytest
+from blender import faces
+from blender.checkout import load
+
+panels = load("bsface_addon.panels")
+photo_list = load("bsface_addon.photo_list")
+job = load("bsface_addon.job")
+errors = load("core.errors")
+messages = load("bsface_addon.messages")
+Step = load("core.progress").Step
+
+
+def drawn():
+    """Names of the panels that show, after drawing each with all its parts."""
+    names = []
+    for cls in panels.CLASSES:
+        if not issubclass(cls, bpy.types.Panel | bpy.types.Menu):
+            continue
+        if not getattr(cls, "poll", lambda context: True)(bpy.context):
+            continue
+        stub = SimpleNamespace(layout=MagicMock())
+        cls.draw(stub, bpy.context)
+        if hasattr(cls, "draw_header_preset"):
+            cls.draw_header_preset(stub, bpy.context)
+        names.append(cls.__name__.removeprefix("BSFACE_PT_"))
+        for operator in operators(stub.layout):
+            module, name = operator.split(".")
+            assert hasattr(getattr(bpy.types, f"{module.upper()}_OT_{name}"), "bl_rna")
+    return names
+
+
+def operators(mock):
+    """Names of the operators that were put on a layout."""
+    for name, arguments, _ in mock.mock_calls:
+        if name.split(".")[-1] == "operator":
+            yield arguments[0]
+
+
+def test_empty_file_shows_the_first_steps_only(addon):
+    assert drawn() == [
+        "BSFACE_MT_photos",
+        "photos",
+        "reconstruct",
+        "settings",
+        "support",
+    ]
+
+
+def test_photos_with_faults_show_reason_and_advice(addon, tmp_path):
+    faces.photo_files(tmp_path / "photos")
+    bpy.ops.bsface.photos_add(directory=str(tmp_path / "photos"))
+    state = bpy.context.scene.bsface
+    state.hints = "No photo from the left."
+    row = state.photos[0]
+    row.status, row.reason = "blurred", "0.png is blurred."
+    layout = MagicMock()
+    panels.BSFACE_PT_photos.draw(SimpleNamespace(layout=layout), bpy.context)
+    said = str(layout.mock_calls)
+    for text in ("0.png is blurred.", "sharp photo", "from the left", "1 with faults"):
+        assert text in said
+    assert "landmarks" in drawn()
+    for item in state.photos:
+        stub = SimpleNamespace(layout=MagicMock())
+        panels.BSFACE_UL_photos.draw_item(
+            stub, bpy.context, stub.layout, state, item, 0, state, "active_photo", 0
+        )
+
+
+def test_a_face_opens_the_later_panels(addon, solved, tmp_path):
+    bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
+    bpy.ops.bsface.view_photo()
+    face = bpy.context.scene.bsface.face
+    load("bsface_addon.surface_object").add_shape_key(
+        face, "Smile", load("bsface_addon.surface_object").read(face)
+    )
+    bpy.context.scene.bsface.photos[0].expression = "Smile"
+    later = ["surface", "texture", "views", "expressions", "export", "support"]
+    assert drawn()[-6:] == later
+
+
+def test_editing_landmarks_shows_how_to_end_it(addon, solved, tmp_path):
+    bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
+    bpy.ops.bsface.landmarks_edit()
+    layout = MagicMock()
+    panels.BSFACE_PT_landmarks.draw(SimpleNamespace(layout=layout), bpy.context)
+    assert set(operators(layout)) == {"bsface.landmarks_done"}
+    bpy.ops.bsface.landmarks_done()
+
+
+def test_a_running_job_shows_its_progress(addon):
+    def work(progress):
+        progress(Step("motion", 3, 8, 0.4, ""))
+
+    running = job.start(work, errors.Cancelled)
+    running.wait(20)
+    running.poll()
+    layout = MagicMock()
+    panels.BSFACE_PT_reconstruct.draw(SimpleNamespace(layout=layout), bpy.context)
+    layout.progress.assert_called_once()
+    assert layout.progress.call_args.kwargs["factor"] == 0.4
+    assert "Placing cameras 3/8" in layout.progress.call_args.kwargs["text"]
+    drawn()
+    job.end()
+
+
+def test_every_status_of_the_core_has_words_and_advice():
+    for code in errors.FAILURE_CODES:
+        word, sign, advice = messages.photo_status(code)
+        assert word != code or code in ("unreadable", "blurred", "ignored", "duplicate")
+        assert sign != "QUESTION" and advice
+
+
+@pytest.mark.parametrize(
+    "seconds, text", [(3, "about 3 s left"), (200, "about 3 min left")]
+)
+def test_time_left(seconds, text):
+    assert messages.duration(seconds) == text
