@@ -72,7 +72,8 @@ class Steps:
     ----------
     poses : (b) -> cameras
         Pose of each photo from a surface; failed photos as `PhotoFailure`.
-    photometric : (surface, cameras) -> NormalField
+    photometric : (surface, template, cameras) -> NormalField
+        ``b_0``, at which the photos are read, and ``b_t``.
     shading : (b_0, normal field, b_t) -> (b, figures)
     warp : (b_0, cameras) -> (b, figures)
 
@@ -80,7 +81,7 @@ class Steps:
     """
 
     poses: Callable[[Array], Cameras]
-    photometric: Callable[[BSplineSurface, Cameras], NormalField]
+    photometric: Callable[[BSplineSurface, BSplineSurface, Cameras], NormalField]
     shading: Callable[[Array, NormalField, Array], tuple[Array, Figures]]
     warp: Callable[[Array, Cameras], tuple[Array, Figures]]
 
@@ -203,7 +204,7 @@ def imls(
         b0 = bt
         cameras = _posed(steps.poses(bt))
         for inner in range(1, limits.shading + 1):
-            normals = steps.photometric(surface(b0), cameras)
+            normals = steps.photometric(surface(b0), surface(bt), cameras)
             evidence = normals.source
             old, (b0, figures) = b0, _solved(steps.shading, b0, normals, bt)
             change = moved(b0, old)
@@ -269,6 +270,7 @@ def paper_steps(
     zeta: float = 1e-3,
     shading: ShadingParameters | None = None,
     tolerance: float = 0.15,
+    ambiguity: str = "template",
 ) -> Steps:
     """The steps as the paper describes them.
 
@@ -288,19 +290,30 @@ def paper_steps(
         ``lambda`` and the frontal constraint of Eq. 6 and 7.
     tolerance : float
         Of the choice of photos at each point; see `photometric_svd`.
+    ambiguity : {"template", "current"}
+        Whose normals are ``S^t``: those of ``b_t`` as in section 2.2.1, or those of
+        ``b_0`` as in Algorithm 1, where each error of the normals becomes the next
+        reference.
 
     Returns
     -------
     Steps
         To replace one of them: ``dataclasses.replace(steps, photometric=...)``.
     """
+    if ambiguity not in ("template", "current"):
+        raise ValueError(
+            f"ambiguity must be 'template' or 'current', got {ambiguity!r}"
+        )
     uv = np.asarray(uv, float)
     rows = NormalRows.at(shape, uv)
 
-    def photometric(surface: BSplineSurface, cameras: Cameras) -> NormalField:
+    def photometric(
+        surface: BSplineSurface, template: BSplineSurface, cameras: Cameras
+    ) -> NormalField:
         M, weights = sample(surface, cameras)
+        reference = template if ambiguity == "template" else surface
         result: SvdPhotometric = photometric_svd(
-            M, weights, surface.normals(*uv.T), tolerance=tolerance
+            M, weights, reference.normals(*uv.T), tolerance=tolerance
         )
         # Where fewer than four photos decide, there is only the template's normal.
         known = result.chosen.sum(0) >= RANK

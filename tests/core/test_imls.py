@@ -109,7 +109,7 @@ def test_nothing_is_computed_that_is_not_asked_for(case):
     template, _, uv, steps, normals = case
     calls = []
 
-    def counted(surface, cameras):
+    def counted(surface, reference, cameras):
         calls.append(surface)
         return NormalField(normals, np.ones(len(normals)))
 
