@@ -19,11 +19,23 @@ PLACE_STEP = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One face of one photo: the cut-out and what was measured on it."""
+    """One face of one photo: the cut-out and what was measured on it.
+
+    Parameters
+    ----------
+    photo : Photo
+        Cut-out.
+    landmarks : Landmarks
+    fit : FaceFit
+    failure : PhotoFailure or None
+        Why this face is of no use. It still takes part in the choice: else a
+        bystander would stand in for a person who is blurred.
+    """
 
     photo: Photo
     landmarks: Landmarks
     fit: FaceFit
+    failure: PhotoFailure | None = None
 
 
 def choose_faces(
@@ -47,17 +59,23 @@ def choose_faces(
     single = [
         _place(faces[0])
         for faces in outcome
-        if not isinstance(faces, PhotoFailure) and faces[0].landmarks.faces == 1
+        if not isinstance(faces, PhotoFailure)
+        and len(faces) == 1
+        and faces[0].failure is None
     ]
     usual = np.median(single, axis=0) if single else None
-    return [
-        faces if isinstance(faces, PhotoFailure) else _best(faces, usual)
-        for faces in outcome
-    ]
+    chosen: list[Candidate | PhotoFailure] = []
+    for faces in outcome:
+        if isinstance(faces, PhotoFailure):
+            chosen.append(faces)
+            continue
+        best = _best(faces, usual)
+        chosen.append(best if best.failure is None else best.failure)
+    return chosen
 
 
 def _best(faces: tuple[Candidate, ...], usual: np.ndarray | None) -> Candidate:
-    if faces[0].landmarks.faces == 1:
+    if len(faces) == 1:
         return faces[0]
     places = np.stack([_place(face) for face in faces])
     if usual is None:
@@ -70,10 +88,7 @@ def _best(faces: tuple[Candidate, ...], usual: np.ndarray | None) -> Candidate:
     # Faces are counted as one reads: from left to right.
     rank = int((places[:, 1] < places[best, 1]).sum()) + 1
     chosen = faces[best]
-    total = chosen.landmarks.faces
-    note = f"face {rank} of {total} from the left chosen: {why}"
-    if len(faces) == 1:
-        note = f"{total} faces seen, the only usable one chosen"
+    note = f"face {rank} of {len(faces)} from the left chosen: {why}"
     return replace(chosen, landmarks=replace(chosen.landmarks, note=note))
 
 

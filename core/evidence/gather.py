@@ -174,18 +174,7 @@ class _Reader:
             return PhotoFailure(name, "implausible", str(error))
         if isinstance(found, PhotoFailure):
             return found
-        good: list[Candidate] = []
-        failure: PhotoFailure | None = None
-        for landmarks in found:
-            item = self._judge(photo, landmarks)
-            if isinstance(item, Candidate):
-                good.append(item)
-            else:
-                failure = failure or item
-        if good:
-            return tuple(good)
-        assert failure is not None
-        return failure
+        return tuple(self._judge(photo, landmarks) for landmarks in found)
 
     def _find(
         self, photo: Photo, tick: Callable[[], None]
@@ -242,19 +231,20 @@ class _Reader:
             self.template.eye_distance,
         )
 
-    def _judge(self, photo: Photo, landmarks: Landmarks) -> Candidate | PhotoFailure:
+    def _judge(self, photo: Photo, landmarks: Landmarks) -> Candidate:
         fit = self._fit(landmarks.points, landmarks.scheme, landmarks.weight)
         failure = judge_fit(fit, landmarks, photo.size)
-        if failure is not None:
-            return failure
-        # A scheme without forehead still gets a cut-out with one: the template's
-        # landmarks by the fit.
-        xy = np.concatenate([landmarks.points, fit.project(self.template.landmark_xyz)])
+        xy = landmarks.points
+        if failure is None:
+            # A scheme without forehead still gets a cut-out with one: the
+            # template's landmarks by the fit.
+            xy = np.concatenate([xy, fit.project(self.template.landmark_xyz)])
         low, high = xy.min(axis=0), xy.max(axis=0)
         centre, half = (low + high) / 2, BOX_FACTOR * (high - low).max() / 2
         part = cut(photo, np.concatenate([centre - half, centre + half]), MAX_SIDE)
-        failure = judge_quality(part, landmarks, fit)
-        return failure or Candidate(part, landmarks, fit)
+        if failure is None:
+            failure = judge_quality(part, landmarks, fit)
+        return Candidate(part, landmarks, fit, failure)
 
 
 def _sources(

@@ -1,0 +1,387 @@
+"""From folders, clean and dirty, to cut-outs with landmarks."""
+
+import json
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from bsface.errors import Cancelled, PhotoFailure, ReconstructionError
+from bsface.evidence.facemesh import find_models
+from bsface.evidence.gather import gather
+from bsface.evidence.landmarks import Landmarks, write_landmarks
+from bsface.evidence.photos import list_photos, read_photo
+from bsface.surface.template import load_template
+
+ROOT = Path(__file__).resolve().parents[2]
+PHOTOS = ROOT / "examples" / "photos"
+LFW = ROOT.parent / "shared" / "photos" / "lfw"
+TEMPLATE = load_template()
+NO_DETECTOR = SimpleNamespace(landmarks="468", detector=False)
+
+
+@pytest.fixture(scope="module")
+def models():
+    try:
+        return find_models()
+    except ReconstructionError as error:
+        pytest.skip(f"the model files are not installed: {error}")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    path = tmp_path / "photos"
+    path.mkdir()
+    return path
+
+
+@pytest.fixture(scope="module")
+def picture():
+    return read_photo(PHOTOS / "000.jpg").pixels
+
+
+def save(path: Path, image: np.ndarray) -> None:
+    done, data = cv2.imencode(path.suffix, np.ascontiguousarray(image[..., ::-1]))
+    assert done
+    path.write_bytes(data.tobytes())
+
+
+def front_landmarks(scheme="68", centre=(200.0, 200.0), scale=1.2, name="a.png"):
+    """The template seen from the front, without any detector."""
+    xyz = TEMPLATE.landmark_xyz[TEMPLATE.schemes[scheme]]
+    points = xyz[:, :2] * (scale, -scale) + centre
+    return Landmarks(name, scheme, points, np.ones(len(points)), source="hand")
+
+
+def codes(gathered) -> dict[str, str]:
+    return {failure.name: failure.code for failure in gathered.failures}
+
+
+# --- the good case -----------------------------------------------------------
+
+
+def test_folder_to_cut_outs(models, folder):
+    names = ["002.jpg", "000.jpg", "010.jpg"]
+    for name in names:
+        shutil.copy(PHOTOS / name, folder)
+    found = gather(folder)
+    assert [photo.name for photo in found.photos] == sorted(names)
+    assert found.failures == ()
+    for photo, marks in zip(found.photos, found.landmarks, strict=True):
+        assert marks.photo == photo.name
+        assert marks.scheme == "468"
+        assert marks.source == "detected"
+        assert marks.faces == 1
+        assert marks.note == ""
+        assert ((marks.weight > 0) & (marks.weight <= 1)).all()
+        # Nothing of the face is cut off.
+        inside = photo.to_window(marks.points)
+        h, w = photo.pixels.shape[:2]
+        assert (inside > -1).all()
+        assert (inside < (w, h)).all()
+        whole = read_photo(PHOTOS / photo.name)
+        x0, y0 = (int(v) for v in photo.window[:2])
+        part = whole.pixels[y0 : y0 + h, x0 : x0 + w]
+        np.testing.assert_array_equal(photo.pixels, part)
+
+
+def test_same_photos_as_folder_paths_and_arrays(models, picture, folder):
+    save(folder / "a.png", picture)
+    save(folder / "b.png", np.ascontiguousarray(picture[10:]))
+    as_folder = gather(folder)
+    as_paths = gather(list_photos(folder))
+    as_arrays = gather([picture, picture[10:]])
+    for other in (as_paths, as_arrays):
+        for a, b in zip(as_folder.landmarks, other.landmarks, strict=True):
+            np.testing.assert_array_equal(a.points, b.points)
+    assert [p.name for p in as_arrays.photos] == ["picture 1", "picture 2"]
+
+
+def test_large_photo_gives_a_small_cut_out(models, picture):
+    large = cv2.resize(picture, (2400, 2400), interpolation=cv2.INTER_CUBIC)
+    (photo,) = gather([large]).photos
+    assert max(photo.pixels.shape) <= 1024
+    assert photo.size == (2400, 2400)
+    small, big = gather([picture]).landmarks[0], gather([large]).landmarks[0]
+    expected = (small.points + 0.5) * 6 - 0.5
+    error = np.linalg.norm(big.points - expected, axis=1)
+    assert np.sqrt((error**2).mean()) < 0.02 * np.ptp(expected[:, 0])
+
+
+def test_sixteen_bits_and_grey(models, picture):
+    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+    deep = picture.astype(np.uint16) * 257
+    found = gather([grey, deep])
+    assert len(found.photos) == 2
+    assert found.photos[1].pixels.dtype == np.uint16
+
+
+@pytest.mark.parametrize("scheme", ["68", "40"])
+def test_setting_selects_the_scheme(models, picture, scheme):
+    whole = gather([picture]).landmarks[0]
+    part = gather([picture], SimpleNamespace(landmarks=scheme, detector=True))
+    assert part.landmarks[0].scheme == scheme
+    np.testing.assert_array_equal(
+        part.landmarks[0].points, whole.points[TEMPLATE.schemes[scheme]]
+    )
+
+
+def test_turned_photo_has_landmarks_of_the_turned_picture(models, picture):
+    upright = gather([picture]).landmarks[0].points
+    turned = gather([np.rot90(picture, -1)]).landmarks[0].points
+    expected = np.column_stack([399 - upright[:, 1], upright[:, 0]])
+    error = np.linalg.norm(turned - expected, axis=1)
+    assert np.sqrt((error**2).mean()) < 2
+
+
+# --- landmark files, hands ---------------------------------------------------
+
+
+def test_landmark_file_wins_and_needs_no_models(folder, picture, monkeypatch, tmp_path):
+    monkeypatch.setenv("BSFACE_MODELS", str(tmp_path / "none"))
+    save(folder / "a.png", picture)
+    marks = front_landmarks()
+    write_landmarks(folder / "a.pts", marks)
+    found = gather(folder, NO_DETECTOR)
+    assert found.landmarks[0].source == "file"
+    assert found.landmarks[0].scheme == "68"
+    np.testing.assert_allclose(found.landmarks[0].points, marks.points, atol=1e-9)
+    # The scheme has no forehead, the cut-out has.
+    xyz = TEMPLATE.landmark_xyz[[10]]
+    forehead = xyz[:, :2] * (1.2, -1.2) + (200, 200)
+    assert (found.photos[0].to_window(forehead) > 0).all()
+
+
+def test_given_landmarks_win_over_files(folder, picture):
+    save(folder / "a.png", picture)
+    write_landmarks(folder / "a.pts", front_landmarks())
+    given = front_landmarks("40", (190, 205))
+    found = gather(folder, NO_DETECTOR, landmarks={"a.png": given})
+    assert found.landmarks[0].source == "hand"
+    np.testing.assert_array_equal(found.landmarks[0].points, given.points)
+
+
+def test_wrong_landmark_files_are_told_and_the_rest_is_used(folder, picture):
+    for number, name in enumerate("abcdef"):
+        save(folder / f"{name}.png", picture[number:])
+    marks = front_landmarks()
+    write_landmarks(folder / "a.pts", marks)
+    (folder / "b.pts").write_text("{ 1 2 }")
+    swapped = Landmarks("c", "68", marks.points[:, ::-1], marks.weight)
+    write_landmarks(folder / "c.pts", swapped)
+    far = Landmarks("d", "68", marks.points + 5000, marks.weight)
+    write_landmarks(folder / "d.json", far)
+    write_landmarks(folder / "e.json", marks, (10, 10))
+    found = gather(folder, NO_DETECTOR)
+    assert [photo.name for photo in found.photos] == ["a.png"]
+    assert codes(found) == {
+        "b.png": "implausible",
+        "c.png": "implausible",
+        "d.png": "implausible",
+        "e.png": "implausible",
+        "f.png": "no_face",
+    }
+    reasons = {f.name: f.reason for f in found.failures}
+    assert "b.pts" in reasons["b.png"]
+    assert "swapped" in reasons["c.png"]
+    assert "d.png" in reasons["d.png"]
+    assert "e.json" in reasons["e.png"]
+    assert "switched off" in reasons["f.png"]
+
+
+def test_json_of_another_program_does_not_hide_the_photo(models, folder, picture):
+    save(folder / "a.png", picture)
+    (folder / "a.json").write_text(json.dumps({"camera": "X100", "iso": 200}))
+    assert gather(folder).landmarks[0].source == "detected"
+
+
+# --- photos that are no use --------------------------------------------------
+
+
+def test_dirty_folder(models, folder, picture):
+    save(folder / "a good one.png", picture)
+    save(folder / "again.bmp", picture)
+    (folder / "text.jpg").write_text("hello")
+    (folder / "zero.jpg").touch()
+    (folder / "shot.heic").write_bytes(b"\0\0\0\x18ftypheic" + b"\0" * 50)
+    save(folder / "wall.png", np.full((200, 300, 3), 140, np.uint8))
+    save(folder / "set aside.png", picture[::-1])
+    tiny = np.full((200, 200, 3), 90, np.uint8)
+    tiny[60:140, 60:140] = cv2.resize(picture, (80, 80), interpolation=cv2.INTER_AREA)
+    save(folder / "tiny.png", tiny)
+    found = gather(folder, ignore=["set aside.png"])
+    assert [photo.name for photo in found.photos] == ["a good one.png"]
+    assert codes(found) == {
+        "again.bmp": "duplicate",
+        "set aside.png": "ignored",
+        "shot.heic": "unreadable",
+        "text.jpg": "unreadable",
+        "tiny.png": "small_face",
+        "wall.png": "no_face",
+        "zero.jpg": "unreadable",
+    }
+    for failure in found.failures:
+        assert isinstance(failure, PhotoFailure)
+        assert failure.name in failure.reason
+        assert failure.reason.endswith(".")
+        assert "\n" not in failure.reason
+    assert "a good one.png" in {f.name: f.reason for f in found.failures}["again.bmp"]
+
+
+def test_blurred_and_badly_exposed_faces():
+    """Landmarks are given, so that only the judgement of the pixels is tested."""
+    image = cv2.imread(str(PHOTOS / "000.jpg"))[..., ::-1]
+    unit = 1.2 * TEMPLATE.eye_distance
+    pictures = {
+        "sharp.png": image,
+        "soft.png": cv2.GaussianBlur(image, (0, 0), 0.03 * unit),
+        "blurred.png": cv2.GaussianBlur(image, (0, 0), 0.15 * unit),
+        "black.png": np.zeros_like(image),
+        "white.png": np.full_like(image, 255),
+    }
+    names = list(pictures)
+    found = gather(
+        list(pictures.values()),
+        NO_DETECTOR,
+        landmarks={
+            f"picture {i + 1}": front_landmarks(name=name)
+            for i, name in enumerate(names)
+        },
+    )
+    assert [p.name for p in found.photos] == ["picture 1", "picture 2"]
+    assert [f.code for f in found.failures] == ["blurred", "dark", "bright"]
+
+
+def test_forty_times_the_same_photo(models, folder, picture):
+    save(folder / "0.png", picture)
+    for number in range(1, 40):
+        shutil.copy(folder / "0.png", folder / f"{number}.png")
+    found = gather(folder)
+    assert len(found.photos) == 1
+    assert set(codes(found).values()) == {"duplicate"}
+    assert len(found.failures) == 39
+
+
+def test_no_usable_photo_is_told_with_the_reasons(models, folder):
+    for number in range(3):
+        wall = np.full((100, 100, 3), 50 + number, np.uint8)
+        save(folder / f"{number}.png", wall)
+    (folder / "text.jpg").write_text("hello")
+    with pytest.raises(ReconstructionError) as info:
+        gather(folder)
+    assert "None of the 4 photos" in str(info.value)
+    assert "3 show no face" in str(info.value)
+    assert "1 cannot be read" in str(info.value)
+
+
+@pytest.mark.parametrize("photos", [[], ()])
+def test_no_photos_given(photos):
+    with pytest.raises(ReconstructionError, match="No photos"):
+        gather(photos)
+
+
+def test_missing_models_end_the_job_with_the_remedy(tmp_path, monkeypatch, picture):
+    monkeypatch.setattr(
+        "bsface.evidence.facemesh.model_folders", lambda folder=None: (tmp_path,)
+    )
+    with pytest.raises(ReconstructionError, match="setup"):
+        gather([picture])
+
+
+def test_paths_of_one_name_keep_apart(models, tmp_path, picture):
+    for name in ("x", "y"):
+        (tmp_path / name).mkdir()
+    save(tmp_path / "x" / "a.png", picture)
+    save(tmp_path / "y" / "a.png", picture[5:])
+    found = gather([tmp_path / "x" / "a.png", tmp_path / "y" / "a.png"])
+    assert [photo.name for photo in found.photos] == ["a.png (1)", "a.png (2)"]
+
+
+# --- several faces -----------------------------------------------------------
+
+
+def beside(picture, left: float, right: float) -> np.ndarray:
+    """One picture with two faces, each scaled about its own middle."""
+    parts = []
+    for scale in (left, right):
+        matrix = cv2.getRotationMatrix2D((199.5, 199.5), 0, scale)
+        parts.append(cv2.warpAffine(picture, matrix, (400, 400)))
+    return np.hstack(parts)
+
+
+def test_largest_of_several_faces(models, picture):
+    (marks,) = gather([beside(picture, 0.6, 1.0)]).landmarks
+    assert marks.faces == 2
+    assert "face 2 of 2 from the left" in marks.note
+    assert "largest" in marks.note
+    assert marks.points[:, 0].mean() > 400
+
+
+def test_face_that_fits_the_other_photos(models, picture):
+    """The person is the smaller one on the left, as the photos with one face show."""
+    alone = [
+        np.hstack([beside(picture, 0.6, 1.0)[k:, :400], np.zeros((400 - k, 400, 3))])
+        for k in range(3)
+    ]
+    photos = [image.astype(np.uint8) for image in alone]
+    found = gather([*photos, beside(picture, 0.6, 1.0)])
+    marks = found.landmarks[-1]
+    assert marks.faces == 2
+    assert "face 1 of 2 from the left" in marks.note
+    assert marks.points[:, 0].mean() < 400
+
+
+def test_bystander_does_not_stand_in_for_a_blurred_person(models, picture):
+    both = beside(picture, 0.6, 1.0)
+    both[:, 400:] = cv2.GaussianBlur(both[:, 400:], (0, 0), 6)
+    alone = beside(picture, 0.6, 1.0)
+    alone[:, :400] = 0
+    found = gather([both, alone, alone[1:], alone[2:]])
+    assert codes(found) == {"picture 1": "blurred"}
+
+
+# --- progress ----------------------------------------------------------------
+
+
+def test_progress_rises_to_the_end(folder, picture):
+    for number in range(3):
+        save(folder / f"{number}.png", picture[number:])
+        write_landmarks(folder / f"{number}.pts", front_landmarks())
+    steps = []
+    gather(folder, NO_DETECTOR, steps.append)
+    overall = [step.overall for step in steps]
+    assert overall == sorted(overall)
+    assert overall[0] == 0
+    assert overall[-1] == 1
+    assert {step.total for step in steps} == {3}
+    assert "1.png" in "".join(step.message for step in steps)
+
+
+def test_cancel(models, picture):
+    def stop(step):
+        if step.done == 1:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        gather([picture, picture[1:]], progress=stop)
+
+
+# --- real photos -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "person",
+    ["Arnold_Schwarzenegger", "Colin_Powell", "Donald_Rumsfeld", "George_W_Bush"],
+)
+def test_press_photos(models, person):
+    """The face of the person is the one in the middle of the picture."""
+    folder = LFW / person
+    if not folder.is_dir():
+        pytest.skip("the press photos (../shared/photos/lfw) are not there")
+    found = gather(folder)
+    assert len(found.photos) >= 33
+    for photo, marks in zip(found.photos, found.landmarks, strict=True):
+        away = marks.points.mean(axis=0) - np.array(photo.size) / 2
+        assert np.abs(away).max() < 25, photo.name
