@@ -57,6 +57,21 @@ class FakeSettings:
 
 
 @dataclass(frozen=True)
+class PhotoReport:
+    """The fields of ``bsface.reconstruct.PhotoReport``."""
+
+    name: str
+    status: str
+    reason: str
+    reprojection_pct: float
+    yaw: float
+    pitch: float
+    roll: float
+    residual: float
+    weight: float
+
+
+@dataclass(frozen=True)
 class FakeReconstruction:
     """The fields of ``Reconstruction`` that outputs read."""
 
@@ -72,6 +87,92 @@ class FakeReconstruction:
     history: tuple = ()
     warnings: tuple = ()
     seconds: dict = field(default_factory=dict)
+
+
+def skin_pattern(uv: np.ndarray) -> np.ndarray:
+    """Made-up skin colour (..., 3), linear, with broad and fine detail."""
+    u, v = uv[..., 0], uv[..., 1]
+    broad = 1 + 0.15 * np.sin(19 * u + 4 * v) + 0.1 * np.cos(23 * v)
+    spots = 1 - 0.55 * ((np.sin(22 * u) * np.sin(25 * v)) > 0.55)
+    lips = np.exp(-(((u - 0.5) / 0.12) ** 2) - ((v - 0.75) / 0.04) ** 2)
+    colour = np.array([0.45, 0.32, 0.25]) * (broad * spots)[..., None]
+    return colour * (1 - lips[..., None] * (0.1, 0.5, 0.4))
+
+
+def painted_reconstruction(
+    count: int = 8, side: int = 200, seed: int = 2
+) -> FakeReconstruction:
+    """Photos drawn of `skin_pattern` under one soft light each, poses known."""
+    from bsface.evidence import harmonics
+    from bsface.evidence.camera import Camera
+    from bsface.evidence.landmarks import Landmarks
+    from bsface.evidence.photos import Photo
+    from bsface.output import render
+    from bsface.output.colour import to_picture
+
+    rng = np.random.default_rng(seed)
+    surface = face_surface()
+    template = face_template(surface)
+    grid = render.sample_surface(surface, None, 150)
+    photos, cameras, marks, reports, lights = [], [], [], [], []
+    for index in range(count):
+        yaw = -35 + 70 * index / max(count - 1, 1)
+        R = render.yaw_rotation(yaw, rng.uniform(-12, 12))
+        centre = np.full(2, (side - 1) / 2)
+        camera = Camera(R, side / 220, rng.uniform(-4, 4, 2), 1 / 1500, centre)
+        light = np.zeros((9, 3))
+        light[0] = rng.uniform(0.6, 1.0) * np.array([1, 0.95, 0.9]) ** rng.normal()
+        # More from one side: the plain average keeps that shading.
+        direction = rng.normal(size=3) + (-1.5, 0.5, 1.5)
+        light[1:4] = 0.7 * light[0] * (direction / np.linalg.norm(direction))[:, None]
+        raster = render.rasterize(
+            camera.project(grid.points),
+            grid.points @ R[2],
+            grid.triangles,
+            (side, side),
+        )
+        uv = raster.interpolate(grid.uv, grid.triangles)
+        normal = raster.interpolate(grid.normals, grid.triangles)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        picture = np.full((side, side, 3), 0.05 + 0.1 * rng.random())
+        shading = np.maximum(harmonics.basis(normal) @ light, 0.02)
+        picture[raster.covered] = skin_pattern(uv) * shading
+        picture += rng.normal(0, 0.002, picture.shape)
+        name = f"{index:03d}.png"
+        photos.append(Photo(name, None, (side, side), to_picture(picture)))
+        cameras.append(camera)
+        points = np.zeros((468, 2))
+        points[: len(template.landmark_uv)] = camera.project(
+            surface.evaluate(*template.landmark_uv.T)
+        )
+        weight = (np.arange(468) < len(template.landmark_uv)).astype(float)
+        marks.append(Landmarks(name, "468", points, weight))
+        lights.append(light.mean(axis=1))
+        turned = [float(a) for a in camera.yaw_pitch_roll]
+        reports.append(PhotoReport(name, "used", "", 1.2, *turned, 0.05, 1.0))
+    uv = rng.uniform(0.2, 0.8, (50, 2))
+    return FakeReconstruction(
+        surface=surface,
+        template=template,
+        photos=tuple(photos),
+        landmarks=tuple(marks),
+        cameras=tuple(cameras),
+        photometric=SimpleNamespace(
+            uv=uv,
+            normals=surface.normals(*uv.T),
+            albedo=skin_pattern(uv),
+            lights=np.array(lights),
+            weights=np.ones((count, 50)),
+            singular_values=np.array([9.0, 3.0, 1.5, 0.8, 0.2, 0.1]),
+        ),
+        reports=tuple(reports),
+        confidence=np.full(surface.shape, 0.4),
+        history=tuple(
+            {"stage": "refine", "level": 0, "residual": 0.1 / (k + 1)} for k in range(5)
+        ),
+        warnings=("All photos were taken from the front; add some from the side.",),
+        seconds={"photos": 1.5, "refine": 3.0},
+    )
 
 
 def bare_reconstruction() -> FakeReconstruction:

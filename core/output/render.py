@@ -218,6 +218,23 @@ def look_up(picture: np.ndarray, uv: Array) -> np.ndarray:
     return picture[row, column]
 
 
+def read_picture(picture: np.ndarray, uv: Array) -> npt.NDArray[np.float32]:
+    """Bilinear values (n, channels) of a (u, v) picture at (n, 2) parameters."""
+    # remap takes pictures of fewer than 32768 rows and columns: fold the list.
+    width = 4096
+    count = max(1, -(-len(uv) // width)) * width
+    at = np.zeros((count, 2), np.float32)
+    at[: len(uv)] = uv * (picture.shape[1], picture.shape[0]) - 0.5
+    found = cv2.remap(
+        np.ascontiguousarray(picture, np.float32),
+        np.ascontiguousarray(at[:, 0].reshape(-1, width)),
+        np.ascontiguousarray(at[:, 1].reshape(-1, width)),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(found.reshape(count, -1)[: len(uv)], np.float32)
+
+
 # --------------------------------------------------------------------- views
 def yaw_rotation(degrees: float, pitch: float = 0.0) -> Array:
     """Rotation that turns the nose to the picture's right (and then down)."""
@@ -289,19 +306,7 @@ def shaded_view(
     else:
         picture = np.asarray(colours)[..., :3]
         full = float(np.iinfo(picture.dtype).max)
-        column = (uv[:, 0] * picture.shape[1] - 0.5).astype(np.float32)
-        row = (uv[:, 1] * picture.shape[0] - 0.5).astype(np.float32)
-        # remap takes pictures of fewer than 32768 rows: one row per 16384 samples.
-        count = -(-len(uv) // 16384) * 16384
-        column, row = np.resize(column, count), np.resize(row, count)
-        sampled = cv2.remap(
-            picture,
-            column.reshape(-1, 16384),
-            row.reshape(-1, 16384),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        base = sampled.reshape(-1, 3)[: len(uv)] / full
+        base = read_picture(picture, uv) / full
     lit = base * (1 - shading) + base * _studio(normal) * shading
     # The inside of the shell, seen from behind, in plain dark grey.
     lit[normal[:, 2] < 0] = (0.35, 0.35, 0.37)

@@ -1,0 +1,33 @@
+"""The sRGB transfer curve (IEC 61966-2-1) between linear and stored intensities."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+
+def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
+    """Linear intensities to encoded ones, both in [0, 1]; others are clipped."""
+    linear = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
+    return np.where(
+        linear <= 0.0031308,
+        12.92 * linear,
+        1.055 * np.maximum(linear, 0.0031308) ** np.float32(1 / 2.4) - 0.055,
+    ).astype(np.float32)
+
+
+def decode_srgb(encoded: npt.ArrayLike) -> npt.NDArray[np.float32]:
+    """Encoded intensities to linear ones, both in [0, 1]."""
+    encoded = np.clip(np.asarray(encoded, np.float32), 0.0, 1.0)
+    return np.where(
+        encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4
+    ).astype(np.float32)
+
+
+def to_picture(linear: npt.ArrayLike, depth: int = 8) -> npt.NDArray:
+    """Linear intensities as an sRGB picture of 8 or 16 bits a channel."""
+    if depth not in (8, 16):
+        raise ValueError(f"depth must be 8 or 16 bits, got {depth}")
+    full = 2**depth - 1
+    kind = np.uint8 if depth == 8 else np.uint16
+    return np.round(encode_srgb(linear) * full).astype(kind)
