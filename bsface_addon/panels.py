@@ -15,6 +15,7 @@ from . import (
     messages,
     photo_list,
     scene,
+    settings_group,
     surface_object,
     thumbnails,
 )
@@ -118,6 +119,8 @@ def _about(context, layout, row):
     """Why the active photo is what it is, and what to do about it."""
     word, sign, advice = messages.photo_status(row.status)
     if row.status in photo_list.FINE:
+        if row.reason:
+            paragraph(context, layout, row.reason, icon="INFO")
         return
     box = layout.box()
     paragraph(context, box, row.reason or f"{row.name}: {word}.", icon=sign)
@@ -199,14 +202,29 @@ class BSFACE_PT_settings(BSFacePanel, bpy.types.Panel):
         layout.use_property_decorate = False
         state = context.scene.bsface
         layout.enabled = job.current() is None
-        layout.prop(state.settings, "method")
         column = layout.column(align=True)
-        column.prop(state.settings, "control_points_u")
-        column.prop(state.settings, "control_points_v", text="Down")
-        layout.prop(state.settings, "landmarks")
-        layout.prop(state.settings, "detector")
-        layout.prop(state, "size")
-        layout.prop(state, "separate")
+        for name in settings_group.MAIN:
+            column.prop(state.settings, name)
+        column = layout.column(align=True)
+        column.prop(state, "size")
+        column.prop(state, "separate")
+
+
+class BSFACE_PT_advanced(BSFacePanel, bpy.types.Panel):
+    bl_label = "Advanced"
+    bl_parent_id = "BSFACE_PT_settings"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.enabled = job.current() is None
+        group = context.scene.bsface.settings
+        column = layout.column(align=True)
+        for name in settings_group.NAMES:
+            if name not in settings_group.MAIN:
+                column.prop(group, name)
 
 
 class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
@@ -366,6 +384,7 @@ CLASSES = (
     BSFACE_PT_landmarks,
     BSFACE_PT_reconstruct,
     BSFACE_PT_settings,
+    BSFACE_PT_advanced,
     BSFACE_PT_surface,
     BSFACE_PT_texture,
     BSFACE_PT_views,

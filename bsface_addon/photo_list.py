@@ -80,7 +80,7 @@ def take_reports(state, reports):
         if row is None:
             continue
         row.status, row.reason = report.status, report.reason
-        row.yaw = report.yaw or 0.0
+        row.yaw = report.yaw if report.yaw == report.yaw else 0.0  # NaN: not used
 
 
 def landmarks(row):

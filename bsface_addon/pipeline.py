@@ -64,17 +64,10 @@ def settings(group, changes=None):
     ReconstructionError
         A value is not possible.
     """
-    from ..core.settings import Settings
+    from . import settings_group
 
-    values = {
-        "method": group.method,
-        "landmarks": group.landmarks,
-        "detector": group.detector,
-        "control_points": (group.control_points_u, group.control_points_v),
-        **(changes or {}),
-    }
     try:
-        return Settings.from_dict(values)
+        return settings_group.to_core(group, changes)
     except (TypeError, ValueError) as error:
         raise ReconstructionError(messages.BAD_SETTINGS.format(why=error)) from error
 

@@ -10,24 +10,13 @@ import bpy
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
-    EnumProperty,
     FloatProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
 )
 
-METHODS = (
-    ("joint", "Joint", "Shading and motion in one system; the most accurate", 0),
-    ("imls", "Alternating", "Shading and motion in turn, robust", 1),
-    ("paper", "As printed", "The published algorithm as it is written", 2),
-    ("motion", "Landmarks only", "No shading; quick, and coarse", 3),
-)
-SCHEMES = (
-    ("468", "468", "All points of the face mesh", 0),
-    ("68", "68", "The iBUG points", 1),
-    ("40", "40", "The paper's points", 2),
-)
+from .settings_group import BSFACE_PG_settings
 
 
 class BSFACE_PG_photo(bpy.types.PropertyGroup):
@@ -53,40 +42,6 @@ class BSFACE_PG_photo(bpy.types.PropertyGroup):
         description="Photos with the same word make one shape key; empty: neutral",
     )
     faces: IntProperty(name="Faces", description="Faces seen in this photo")
-
-
-class BSFACE_PG_settings(bpy.types.PropertyGroup):
-    """The settings that an artist changes; the rest keep the core's defaults."""
-
-    method: EnumProperty(
-        name="Method", description="How the surface is solved", items=METHODS
-    )
-    control_points_u: IntProperty(
-        name="Control Points Across",
-        description="Columns of control points; more give finer detail",
-        default=40,
-        min=4,
-        soft_min=12,
-        soft_max=80,
-        max=200,
-    )
-    control_points_v: IntProperty(
-        name="Control Points Down",
-        description="Rows of control points; more give finer detail",
-        default=40,
-        min=4,
-        soft_min=12,
-        soft_max=80,
-        max=200,
-    )
-    landmarks: EnumProperty(
-        name="Landmarks", description="Which landmarks are used", items=SCHEMES
-    )
-    detector: BoolProperty(
-        name="Detect Faces",
-        description="Find landmarks in photos that have no landmark file beside them",
-        default=True,
-    )
 
 
 class BSFACE_PG_scene(bpy.types.PropertyGroup):

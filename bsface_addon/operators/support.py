@@ -6,7 +6,7 @@ import bpy
 from bl_operators.presets import AddPresetBase
 from bpy.props import EnumProperty
 
-from .. import job, messages
+from .. import job, messages, settings_group
 
 PRESETS = "bsface/settings"
 
@@ -79,11 +79,8 @@ class BSFACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
     preset_subdir = PRESETS
     preset_defines = ["settings = bpy.context.scene.bsface.settings"]
     preset_values = [
-        "settings.method",
-        "settings.control_points_u",
-        "settings.control_points_v",
-        "settings.landmarks",
-        "settings.detector",
+        f"settings.{name}"
+        for name in settings_group.names(settings_group.BSFACE_PG_settings)
     ]
 
 

@@ -48,6 +48,7 @@ def test_empty_file_shows_the_first_steps_only(addon):
         "photos",
         "reconstruct",
         "settings",
+        "advanced",
         "support",
     ]
 
