@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from ..errors import ReconstructionError
 from .colour import to_picture
-from .render import write_png
+from .pictures import write_png
 from .texture_light import PhotoLights, estimate_lights
 from .texture_views import (
     SurfaceMaps,

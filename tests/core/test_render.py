@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from bsface.output import render
+from bsface.output import pictures, render
 from fake_face import face_surface, face_template
 
 
@@ -101,18 +101,18 @@ def test_views_side_by_side_share_one_scale():
 
 def test_colour_map_ends_middle_and_missing_values():
     values = np.array([-1.0, 0.0, 1.0, np.nan])
-    colours = render.colour_map(values, -1, 1, "diverging").astype(int)
+    colours = pictures.colour_map(values, -1, 1, "diverging").astype(int)
     assert colours[0, 2] > colours[0, 0] and colours[2, 0] > colours[2, 2]
     assert np.ptp(colours[1]) < 6 and np.ptp(colours[3]) == 0
-    assert render.colour_map(np.full(3, np.nan)).shape == (3, 3)
+    assert pictures.colour_map(np.full(3, np.nan)).shape == (3, 3)
     with pytest.raises(ValueError, match="colour map must be one of"):
-        render.colour_map(values, name="jet")
+        pictures.colour_map(values, name="jet")
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_png_round_trip(tmp_path, dtype):
     rng = np.random.default_rng(1)
     image = rng.integers(0, np.iinfo(dtype).max, (7, 9, 3)).astype(dtype)
-    path = render.write_png(tmp_path / "new" / "a.png", image)
+    path = pictures.write_png(tmp_path / "new" / "a.png", image)
     back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1]
     assert np.array_equal(back, image) and len(list(path.parent.iterdir())) == 1
