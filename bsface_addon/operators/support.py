@@ -78,10 +78,7 @@ class BSFACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
     preset_menu = "BSFACE_MT_presets"
     preset_subdir = PRESETS
     preset_defines = ["settings = bpy.context.scene.bsface.settings"]
-    preset_values = [
-        f"settings.{name}"
-        for name in settings_group.names(settings_group.BSFACE_PG_settings)
-    ]
+    preset_values = [f"settings.{name}" for name in settings_group.NAMES]
 
 
 CLASSES = (
