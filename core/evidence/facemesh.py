@@ -34,6 +34,8 @@ MIN_DETECTOR_SCORE = 0.5
 # Faces of photographs have 0.999 and more, upside down or wrong places mostly
 # less than 0.5.
 MIN_MESH_SCORE = 0.95
+# On the detector's own crop, which may be askew, faces have 1 and more.
+MIN_FIRST_LOGIT = -2.0
 OVERLAP = 0.3
 CROP_MARGIN = 1.5
 MAX_PROPOSALS = 12
@@ -249,6 +251,7 @@ class FaceMesh:
         tick : callable, optional
             Called now and then; may raise `Cancelled`.
         """
+        tick = tick or (lambda: None)
         levels = _pyramid(image)
         h, w = image.shape[:2]
         for divisions, angles in _STAGES:
@@ -257,15 +260,18 @@ class FaceMesh:
             windows = _windows(w, h, divisions)
             proposals: list[_Proposal] = []
             for angle in angles:
-                if tick is not None:
+                for start in range(0, len(windows), BATCH):
                     tick()
-                proposals += self._propose(levels, windows, np.deg2rad(angle))
+                    proposals += self._propose(
+                        levels, windows[start : start + BATCH], np.deg2rad(angle)
+                    )
             proposals.sort(key=lambda p: -p.score)
-            faces = [
-                face
-                for proposal in _unlike(proposals)[:MAX_PROPOSALS]
-                if (face := self._verify(levels, proposal)) is not None
-            ]
+            faces: list[Face] = []
+            for proposal in _unlike(proposals)[:MAX_PROPOSALS]:
+                tick()
+                face = self._verify(levels, proposal)
+                if face is not None:
+                    faces.append(face)
             if faces:
                 faces.sort(key=lambda f: -f.score)
                 return tuple(_unlike(faces))
@@ -312,21 +318,17 @@ class FaceMesh:
         self, levels: list[np.ndarray], windows: Sequence[_Crop], turn: float
     ) -> list[_Proposal]:
         """What the detector takes for faces in square windows."""
+        crops = [_Crop(window.centre, window.side, turn) for window in windows]
+        blob = np.stack([_sample(levels, crop, DETECTOR_SIDE) for crop in crops])
+        names = ("regressors", "classificators")
+        with self._lock:
+            self._detector.setInput(_planes(blob) / 127.5 - 1.0)
+            boxes, logit = self._detector.forward(names)
+        boxes = _unbatched(boxes.reshape(-1, 16), len(crops)).astype(float)
+        score = _sigmoid(_unbatched(logit.reshape(-1, 1), len(crops))[..., 0])
         found: list[_Proposal] = []
-        for start in range(0, len(windows), BATCH):
-            part = [
-                _Crop(window.centre, window.side, turn)
-                for window in windows[start : start + BATCH]
-            ]
-            blob = np.stack([_sample(levels, crop, DETECTOR_SIDE) for crop in part])
-            names = ("regressors", "classificators")
-            with self._lock:
-                self._detector.setInput(_planes(blob) / 127.5 - 1.0)
-                boxes, logit = self._detector.forward(names)
-            boxes = _unbatched(boxes.reshape(-1, 16), len(part)).astype(float)
-            logit = _unbatched(logit.reshape(-1, 1), len(part))[..., 0]
-            for crop, raw, score in zip(part, boxes, _sigmoid(logit), strict=True):
-                found += self._decode(raw, score, crop)
+        for k, crop in enumerate(crops):
+            found += self._decode(boxes[k], score[k], crop)
         return found
 
     def _decode(
@@ -359,12 +361,20 @@ class FaceMesh:
             _Crop(crop.centre, crop.side, crop.turn + quarter * np.pi / 2)
             for quarter in range(4)
         ]
-        for _ in range(2):
-            points, logit = self._run_mesh(levels, crops)
-            crops = [_crop_of_landmarks(p) for p in points]
+        points, logit = self._run_mesh(levels, crops)
+        crops = [
+            _crop_of_landmarks(p)
+            for p, value in zip(points, logit, strict=True)
+            if value > MIN_FIRST_LOGIT
+        ]
+        if not crops:
+            return None
+        points, logit = self._run_mesh(levels, crops)
         best = int(logit.argmax())
         score = float(_sigmoid(logit[best]))
-        return Face(crops[best], score) if score >= MIN_MESH_SCORE else None
+        if score < MIN_MESH_SCORE:
+            return None
+        return Face(_crop_of_landmarks(points[best]), score)
 
     def _mesh_on(
         self, levels: list[np.ndarray], crops: Sequence[_Crop]
