@@ -47,3 +47,26 @@ def slope(n: Array, order: int = 9) -> Array:
             (o, o, 6 * z),
         ]
     return np.stack([np.stack(r, -1) for r in rows], -2)
+
+
+def rotation(R: Array, order: int = 9) -> Array:
+    """Matrix that turns light coefficients with the head.
+
+    Parameters
+    ----------
+    R : (3, 3) array
+        New normals are ``R n``.
+    order : 4 or 9
+
+    Returns
+    -------
+    (order, order) array
+        ``lights @ rotation(R)`` shades ``R n`` as ``lights`` shades ``n``.
+    """
+    # The space of the harmonics is closed under rotation, so any spread of directions
+    # determines the matrix exactly.
+    k = np.arange(40) + 0.5
+    z, angle = 1 - 2 * k / 40, k * np.pi * (1 + 5**0.5)
+    r = np.sqrt(1 - z * z)
+    n = np.stack([r * np.cos(angle), r * np.sin(angle), z], 1)
+    return np.linalg.lstsq(basis(n @ R.T, order), basis(n, order), rcond=None)[0].T

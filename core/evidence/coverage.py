@@ -1,0 +1,56 @@
+"""What the photos cannot tell: missing views and missing light, in sentences."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SIDE = 15.0  # degrees of yaw from which a photo shows a side of the face
+FEW = 5
+# Second singular value of the intensities, relative to the first, below which light
+# hardly differs. Forty photos under different lights have 0.2 to 0.3.
+FLAT_LIGHT = 0.06
+
+
+def shortcomings(poses: Array, singular_values: Array | None = None) -> tuple[str, ...]:
+    """Sentences on what is missing, empty if nothing is.
+
+    Parameters
+    ----------
+    poses : (n, 3) array
+        Yaw, pitch, roll of the used photos in degrees, yaw > 0 = head turned to the
+        right of the picture.
+    singular_values : (k,) array, optional
+        Of the intensities, relative to the first.
+    """
+    out = []
+    n = len(poses)
+    if n == 1:
+        out.append(
+            "With one photo depth and hidden parts come from the average face; add "
+            "photos from other sides and under other light."
+        )
+    elif n < FEW:
+        out.append(
+            f"Only {n} photos are used, so much of the shape comes from the average "
+            "face; ten or more give a likeness."
+        )
+    yaw = poses[:, 0] if n else np.zeros(0)
+    for side, seen, way in (
+        ("left", (yaw < -SIDE).any(), "right"),
+        ("right", (yaw > SIDE).any(), "left"),
+    ):
+        if n > 1 and not seen:
+            out.append(
+                f"No photo shows the head turned to the {side} of the picture; add one "
+                f"turned by 20 to 40 degrees, or the {way} cheek stays a guess."
+            )
+    if singular_values is not None and len(singular_values) > 1 and n > 2:
+        if singular_values[1] < FLAT_LIGHT:
+            out.append(
+                "The light hardly differs between the photos, so shading adds little; "
+                "add photos with light from other sides."
+            )
+    return tuple(out)

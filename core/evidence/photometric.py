@@ -1,0 +1,200 @@
+"""Robust photometric stereo on the surface: the default form of section 2.2.1.
+
+The rank-4 factorisation needs every photo at every point, and neither hidden points
+nor cast shadows nor highlights fit it (`photometric_svd`).  Here lights are solved from
+the current normals, which also fixes the ambiguity ``A`` from the start; albedo and
+robust weights alternate with them, and normals follow point by point, pulled gently to
+where they started.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import harmonics
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PhotometricEvidence:
+    """What the shading of all photos says.
+
+    Attributes
+    ----------
+    uv : (p, 2) array
+        Sample points.
+    normals : (p, 3) array
+    albedo : (p, 3) array
+        Linear RGB, relative.
+    lights : (n, 9) array
+        Spherical harmonics of each photo's light in head axes (`harmonics.basis`).
+    weights : (n, p) array
+        Robust weight of each sample, 0 where the photo does not see the point.
+    residual : (n, p) array
+        Intensity residual, relative to the photo's median.
+    singular_values : (k,) array
+        Of the intensities with equal brightness; how diverse the light is.
+    """
+
+    uv: Array
+    normals: Array
+    albedo: Array
+    lights: Array
+    weights: Array
+    residual: Array
+    singular_values: Array
+
+
+def estimate_lighting(
+    values: Array,
+    view: Array,
+    Y: Array,
+    lights: Array,
+    albedo: Array,
+    noise: float,
+    rounds: int = 2,
+    ridge: float = 1e-3,
+) -> tuple[Array, Array, Array, Array]:
+    """Lights, albedo and robust weights for known normals.
+
+    Parameters
+    ----------
+    values : (n, p) array
+        Intensities over the median of their photo.
+    view : (n, p) array
+        Visibility weights.
+    Y : (p, k) array
+        Harmonics of the normals.
+    lights, albedo : (n, k), (p,) arrays
+        Start; lights of zeros mean that nothing is known yet.
+    noise : float
+        Cauchy scale of the residuals.
+    rounds : int
+        Alternations.
+    ridge : float
+        Of the lights, relative.
+
+    Returns
+    -------
+    lights : (n, k) array
+    albedo : (p,) array
+    weights : (n, p) array
+    residual : (n, p) array
+        ``values - albedo * lights @ Y.T``.
+    """
+    n, order = lights.shape
+    if not lights.any():
+        seen = np.maximum(view.sum(0), 1e-9)
+        albedo = np.clip((view * values).sum(0) / seen, 0.05, 5.0)
+        rounds += 4
+    lights = lights.copy()
+    residual = values - albedo * (lights @ Y.T)
+    W = view if not lights.any() else _robust(view, residual, noise)
+    for _ in range(rounds):
+        design = albedo[:, None] * Y
+        for i in range(n):
+            A = design.T @ (W[i][:, None] * design)
+            scale = np.trace(A) / order + 1e-9
+            A += scale * ridge * np.eye(order)
+            lights[i] = np.linalg.solve(A, design.T @ (W[i] * values[i]))
+        s = lights @ Y.T
+        albedo = (W * s * values).sum(0) / np.maximum((W * s * s).sum(0), 1e-9)
+        albedo = np.clip(albedo, 0.02, 20.0)
+        residual = values - albedo * s
+        W = _robust(view, residual, noise)
+    return lights, albedo, W, residual
+
+
+def _robust(view: Array, residual: Array, noise: float) -> Array:
+    return view / (1 + (residual / noise) ** 2)
+
+
+def robust_normals(
+    values: Array,
+    view: Array,
+    start: Array,
+    *,
+    order: int = 9,
+    noise: float = 0.06,
+    pull: float = 0.05,
+    rounds: int = 8,
+) -> tuple[Array, Array, Array, Array]:
+    """Normals by photometric stereo with masked, robust samples.
+
+    Parameters
+    ----------
+    values, view : (n, p) arrays
+        Intensities over the median of their photo, and visibility weights.
+    start : (p, 3) array
+        Normals of the current surface: start, gauge and weak reference.
+    order : int
+        4 or 9 harmonics.
+    noise : float
+        Cauchy scale.
+    pull : float
+        Weight of staying at ``start``, relative to the data of a usual point.
+    rounds : int
+        Alternations of lights and per-point steps.
+
+    Returns
+    -------
+    normals : (p, 3) array
+    albedo : (p,) array
+    lights : (n, order) array
+    weights : (n, p) array
+    """
+    n, p = values.shape
+    normals = start.copy()
+    lights, albedo = np.zeros((n, order)), np.ones(p)
+    W = view
+    for _ in range(rounds):
+        Y = harmonics.basis(normals, order)
+        lights, albedo, W, r = estimate_lighting(
+            values, view, Y, lights, albedo, noise
+        )
+        t1, t2 = tangents(normals)
+        turn = np.einsum("ik,pkx->ipx", lights, harmonics.slope(normals, order))
+        turn = albedo[None, :, None] * turn
+        J = np.stack(
+            [(turn * t1).sum(2), (turn * t2).sum(2), lights @ Y.T], -1
+        )  # (n, p, 3): two turns of the normal, albedo
+        A = np.einsum("ipa,ip,ipb->pab", J, W, J)
+        b = np.einsum("ipa,ip,ip->pa", J, W, r)
+        hold = pull * np.median(A[:, 0, 0] + A[:, 1, 1]) + 1e-9
+        away = start - normals
+        A[:, 0, 0] += hold
+        A[:, 1, 1] += hold
+        A[:, 2, 2] += 1e-9
+        b[:, 0] += hold * (away * t1).sum(1)
+        b[:, 1] += hold * (away * t2).sum(1)
+        step = np.linalg.solve(A, b[..., None])[..., 0]
+        size = np.maximum(np.hypot(step[:, 0], step[:, 1]) / 0.3, 1.0)[:, None]
+        normals = normals + (step[:, :1] * t1 + step[:, 1:2] * t2) / size
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals, albedo, lights, W
+
+
+def tangents(normals: Array) -> tuple[Array, Array]:
+    """Two unit vectors across each normal, ``(p, 3)`` each."""
+    axis = np.eye(3)[np.abs(normals).argmin(1)]
+    a = np.cross(normals, axis)
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    return a, np.cross(normals, a)
+
+
+def light_diversity(values: Array, weights: Array) -> Array:
+    """Singular values of the intensities, divided by the first one, ``(k,)``.
+
+    Only points that most photos see count, holes filled with the point's mean. The
+    second to fourth value tell how much the light differs between the photos.
+    """
+    seen = weights > 0
+    common = seen.mean(0) >= min(0.8, float(np.quantile(seen.mean(0), 0.75)))
+    v, s = values[:, common], seen[:, common]
+    mean = (v * s).sum(0) / np.maximum(s.sum(0), 1)
+    d = np.linalg.svd(np.where(s, v, mean), compute_uv=False)
+    return d / max(float(d[0]), 1e-12)

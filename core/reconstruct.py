@@ -1,0 +1,355 @@
+"""Photos of one person in, a face out: the only module that knows the whole way."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ReconstructionError
+from .evidence import harmonics
+from .evidence.camera import Camera
+from .evidence.coverage import shortcomings
+from .evidence.gather import Gathered, gather
+from .evidence.landmarks import Landmarks
+from .evidence.photometric import PhotometricEvidence
+from .evidence.pose_linear import linear_pose
+from .progress import Progress, Step
+from .result import PhotoReport, Reconstruction
+from .settings import Settings
+from .solve.bundle import Bundle, BundleOptions, Observations, adjust
+from .solve.classic import run_imls
+from .solve.frame import fit_similarity, head_frame
+from .solve.joint import JointOptions, Level, refine
+from .surface.bspline import BSplineSurface
+from .surface.prior import shape_prior
+from .surface.template import Template, load_template
+
+Array = NDArray[np.float64]
+logger = logging.getLogger(__name__)
+
+# Share of the whole time at which each stage ends, measured on 40 photos of 400 px.
+ENDS = {"photos": 0.05, "landmarks": 0.25, "motion": 0.3, "refine": 0.98, "output": 1.0}
+FEWEST_FOR_SHADING = 3
+
+
+def reconstruct(
+    photos: str | os.PathLike | Sequence,
+    settings: Settings | None = None,
+    *,
+    template: Template | BSplineSurface | None = None,
+    progress: Progress | None = None,
+    ignore: Sequence[str] = (),
+    landmarks: Mapping[str, Landmarks] | None = None,
+) -> Reconstruction:
+    """Reconstruct a face from photos of one person.
+
+    Parameters
+    ----------
+    photos : folder, or sequence of paths or of (H, W, 3) RGB arrays
+    settings : Settings, optional
+    template : Template or BSplineSurface, optional
+        Another ``b_t``; a bare surface (an edited result) keeps the landmarks and modes
+        of the bundled template.
+    progress : callable, optional
+        Receives a `Step` after each piece of work; may raise `Cancelled`.
+    ignore : sequence of str
+        Names of photos that are not to be used.
+    landmarks : mapping of photo name to Landmarks, optional
+        Win over files and over the detector.
+
+    Returns
+    -------
+    Reconstruction
+
+    Raises
+    ------
+    ReconstructionError
+        The job failed; one sentence says why and what to do.
+    Cancelled
+        Raised by ``progress``, passed on.
+    """
+    settings = settings or Settings()
+    clock = _Clock(progress)
+    model = _template(template, settings)
+    gathered = gather(
+        photos,
+        settings,
+        clock.nested("landmarks"),
+        template=model,
+        landmarks=landmarks,
+        ignore=ignore,
+    )
+    clock.lap("landmarks")
+    return solve(gathered, settings, model, clock)
+
+
+def solve(
+    gathered: Gathered,
+    settings: Settings,
+    template: Template,
+    clock: _Clock | None = None,
+) -> Reconstruction:
+    """The reconstruction from photos whose landmarks are known."""
+    clock = clock or _Clock(None)
+    if not gathered.photos:
+        raise ReconstructionError("No photo can be used; see the reasons per photo.")
+    prior = shape_prior(
+        template, settings.modes, settings.smooth_mm, settings.smooth_length
+    )
+    seen = observations(gathered, template)
+    cameras = _linear_cameras(gathered, template, seen, settings)
+    bundle = adjust(template, prior, seen, cameras, bundle_options(settings))
+    history: list[dict[str, Any]] = [
+        {"stage": "motion", "residual": r, "step_mm": 0.0} for r in bundle.history
+    ]
+    clock.tell("motion", 1, 1, "poses and landmarks adjusted together")
+    clock.lap("motion")
+    method = settings.method
+    few = len(gathered.photos) < FEWEST_FOR_SHADING
+    evidence: PhotometricEvidence | None = None
+    deviation: Array | None = None
+    if method in ("imls", "paper"):
+        surface, cams, evidence = _classic(
+            gathered, template, seen, settings, history, clock
+        )
+        structure = surface.evaluate(*template.landmark_uv[seen.index].T)
+    elif method == "motion" or few:
+        surface, cams, structure = bundle.surface, bundle.cameras, bundle.structure
+    else:
+        surface, cams, structure, evidence, deviation = _joint(
+            gathered, template, prior, seen, bundle, settings, history, clock
+        )
+    clock.lap("refine")
+    result = Reconstruction(
+        surface=surface,
+        template=template,
+        photos=gathered.photos,
+        landmarks=gathered.landmarks,
+        cameras=cams,
+        photometric=evidence,
+        reports=(),
+        confidence=deviation,
+        settings=settings,
+        history=tuple(history),
+        expressions=bundle.expressions,
+    )
+    result = _in_head_frame(result)
+    reports = _photo_reports(gathered, template, cams, seen, structure, evidence)
+    warnings = shortcomings(
+        np.array([c.yaw_pitch_roll for c in result.cameras]),
+        None if evidence is None else evidence.singular_values,
+    )
+    clock.tell("output", 1, 1, "face finished")
+    clock.lap("output")
+    for sentence in warnings:
+        logger.warning(sentence)
+    return replace(
+        result, reports=reports, warnings=warnings, seconds=dict(clock.seconds)
+    )
+
+
+def observations(gathered: Gathered, template: Template) -> Observations:
+    """Landmarks of all photos on the numbering of the template's reliable ones."""
+    index = np.flatnonzero(template.landmark_reliable)
+    n, count = len(gathered.photos), len(template.landmark_uv)
+    pixels, weight = np.zeros((n, count, 2)), np.zeros((n, count))
+    for i, marks in enumerate(gathered.landmarks):
+        which = template.schemes[marks.scheme]
+        pixels[i, which], weight[i, which] = marks.points, marks.weight
+    used = index[(weight[:, index] > 0).any(0)]
+    return Observations(pixels[:, used], weight[:, used], used)
+
+
+def bundle_options(settings: Settings) -> BundleOptions:
+    """Options of the motion stage."""
+    return BundleOptions(
+        offset_mm=settings.landmark_offset_mm,
+        distance_mm=settings.distance_mm,
+        expression=1.0 if settings.expressions else 0.0,
+    )
+
+
+def joint_options(settings: Settings) -> JointOptions:
+    """Options of the joint stage: three levels, from coarse to fine."""
+    fine, steps = settings.finest_blur_mm, settings.iterations
+    levels = (
+        Level(3.0 * fine, steps, 45),
+        Level(1.6 * fine, steps, 55),
+        Level(fine, steps, 60),
+    )
+    return JointOptions(
+        levels=levels,
+        noise=settings.intensity_noise,
+        independence=settings.independence,
+        order=settings.harmonics,
+        distance_mm=settings.distance_mm,
+    )
+
+
+def _joint(gathered, template, prior, seen, bundle: Bundle, settings, history, clock):
+    place = fit_similarity(bundle.structure, template.landmark_xyz[seen.index])
+    cameras = [c.rescaled(place.scale, place.R, place.t) for c in bundle.cameras]
+    structure = place(bundle.structure)
+    options = joint_options(settings)
+    total = sum(level.iterations for level in options.levels)
+    start = template.surface
+    state = None
+    for k, state in enumerate(
+        refine(
+            template, prior, start, cameras, gathered.photos, seen, structure, options
+        )
+    ):
+        history.append(
+            {"stage": "refine", "residual": state.residual, "step_mm": state.step_mm}
+        )
+        clock.tell("refine", k + 1, total, f"largest step {state.step_mm:.2f} mm")
+    assert state is not None
+    uv = template.landmark_uv[seen.index]
+    moved = structure + state.surface.evaluate(*uv.T) - start.evaluate(*uv.T)
+    deviation = None
+    if state.deviation is not None:
+        deviation = state.deviation.reshape(template.surface.shape)
+    return state.surface, state.cameras, moved, state.evidence(), deviation
+
+
+def _classic(gathered, template, seen, settings, history, clock):
+    def on_state(state) -> None:
+        history.append(
+            {"stage": state.stage, "step_mm": state.change_mm, **dict(state.figures)}
+        )
+        done = state.outer - (0 if state.finished else 0.5)
+        clock.tell(
+            "refine",
+            int(2 * done),
+            2 * settings.outer_passes,
+            f"pass {state.outer}, {state.stage}: moved {state.change_mm:.2f} mm",
+        )
+
+    return run_imls(gathered.photos, template, seen, settings, on_state)
+
+
+def _linear_cameras(gathered, template, seen, settings) -> list[Camera]:
+    """Start: the paper's linear pose, at the typical distance."""
+    cameras = []
+    Q = template.landmark_xyz[seen.index]
+    kappa = 1 / settings.distance_mm if settings.perspective else 0.0
+    for i, photo in enumerate(gathered.photos):
+        centre = ((photo.size[0] - 1) / 2, (photo.size[1] - 1) / 2)
+        pose = linear_pose(seen.pixels[i], Q, seen.weight[i], centre, photo.name)
+        if not isinstance(pose, Camera):
+            raise ReconstructionError(pose.reason)
+        cameras.append(replace(pose, kappa=kappa))
+    return cameras
+
+
+def _template(given, settings: Settings) -> Template:
+    if isinstance(given, BSplineSurface):
+        settings = replace(settings, control_points=given.shape)
+        base = load_template().resampled(given.shape)
+        return replace(base, surface=given)
+    try:
+        base = load_template() if given is None else given
+    except ValueError as error:
+        raise ReconstructionError(str(error)) from error
+    return base.resampled(settings.control_points)
+
+
+def _in_head_frame(result: Reconstruction) -> Reconstruction:
+    """The same result in the frame and size that results have."""
+    move = head_frame(
+        result.surface, result.template, result.settings.eye_distance_mm
+    )
+    evidence = result.photometric
+    if evidence is not None:
+        turn = harmonics.rotation(move.R, evidence.lights.shape[1])
+        evidence = replace(
+            evidence,
+            normals=evidence.normals @ move.R.T,
+            lights=evidence.lights @ turn,
+        )
+    spread = result.confidence
+    return replace(
+        result,
+        surface=result.surface.transformed(move.scale, move.R, move.t),
+        cameras=tuple(c.rescaled(move.scale, move.R, move.t) for c in result.cameras),
+        photometric=evidence,
+        confidence=None if spread is None else move.scale * spread,
+    )
+
+
+def _photo_reports(gathered, template, cameras, seen, structure, evidence):
+    """One line a photo, in the order of their names."""
+    reports = [PhotoReport(f.name, f.code, f.reason) for f in gathered.failures]
+    for i, photo in enumerate(gathered.photos):
+        known = seen.weight[i] > 0
+        away = np.linalg.norm(
+            cameras[i].project(structure) - seen.pixels[i], axis=1
+        )
+        eye = cameras[i].s * template.eye_distance
+        yaw, pitch, roll = cameras[i].yaw_pitch_roll
+        residual = weight = float("nan")
+        if evidence is not None:
+            w = evidence.weights[i]
+            r = evidence.residual[i]
+            residual = float(np.sqrt((w * r**2).sum() / max(w.sum(), 1e-12)))
+            weight = float(w[w > 0].mean()) if (w > 0).any() else 0.0
+        reports.append(
+            PhotoReport(
+                photo.name,
+                "used",
+                gathered.landmarks[i].note,
+                float(100 * np.median(away[known]) / eye),
+                float(yaw),
+                float(pitch),
+                float(roll),
+                residual,
+                weight,
+            )
+        )
+    order = {name: k for k, name in enumerate(_natural(r.name for r in reports))}
+    return tuple(sorted(reports, key=lambda r: order[r.name]))
+
+
+def _natural(names) -> list[str]:
+    split = lambda x: [int(y) if y.isdigit() else y for y in re.split(r"(\d+)", x)]  # noqa: E731
+    return sorted(names, key=split)
+
+
+@dataclass
+class _Clock:
+    """Progress as one fraction over all stages, and the time of each."""
+
+    progress: Callable[[Step], None] | None
+
+    def __post_init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.seconds[stage] = now - self.last
+        self.last = now
+
+    def nested(self, stage: str) -> Progress | None:
+        """A callback for a stage that reports its own fraction."""
+        if self.progress is None:
+            return None
+        tell = self.progress
+        return lambda step: tell(replace(step, overall=step.overall * ENDS[stage]))
+
+    def tell(self, stage: str, done: int, total: int, message: str) -> None:
+        if self.progress is None:
+            return
+        names = list(ENDS)
+        k = names.index(stage)
+        low = ENDS[names[k - 1]] if k else 0.0
+        overall = low + (ENDS[stage] - low) * done / max(total, 1)
+        self.progress(Step(stage, done, total, overall, message))

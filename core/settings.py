@@ -1,0 +1,139 @@
+"""Settings of a reconstruction: one default for each symbol that is a parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+METHODS = ("joint", "imls", "paper", "motion")
+SCHEMES = ("468", "68", "40")
+
+# Inclusive limits of the numeric settings, for validation and for user interfaces.
+LIMITS: dict[str, tuple[float, float]] = {
+    "eye_distance_mm": (1.0, 1000.0),
+    "distance_mm": (200.0, 100_000.0),
+    "landmark_offset_mm": (0.1, 20.0),
+    "modes": (0.0, 5.0),
+    "smooth_mm": (0.05, 10.0),
+    "smooth_length": (0.02, 1.0),
+    "intensity_noise": (0.005, 1.0),
+    "independence": (0.001, 1.0),
+    "finest_blur_mm": (0.5, 5.0),
+    "iterations": (1, 50),
+    "outer_passes": (1, 20),
+    "lam": (0.0, 1e6),
+    "zeta": (1e-9, 1e6),
+}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a reconstruction may be asked for; each default is measured in the docs.
+
+    Parameters
+    ----------
+    method : str
+        "joint": landmarks, then shading and motion in one system (default); "imls":
+        Algorithm 1 with robust ingredients; "paper": Algorithm 1 as printed; "motion":
+        landmarks only.
+    control_points : (int, int)
+        Size M x N of the net, each at least 8.
+    eye_distance_mm : float
+        Distance between the eye centres of the result; photos have no scale.
+    landmarks : str
+        Scheme used: "468", "68" or "40" points.
+    detector : bool
+        Find landmarks in photos that have no landmark file.
+    perspective : bool
+        False: scaled orthography, the camera of section 2.3.1.
+    distance_mm : float
+        Typical distance between camera and head; each photo finds its own about it.
+    expressions : bool
+        Let every photo have its own expression; the result is the calmest one.
+    landmark_offset_mm : float
+        How far a landmark may lie from its place on the template, standard deviation.
+    modes : float
+        Factor on the standard deviation of the identity modes, 0 = none.
+    smooth_mm, smooth_length : float
+        Standard deviation (mm) and correlation length (of the parameter square) of the
+        displacement that the modes cannot express.
+    harmonics : int
+        Light as 9 or (the paper's) 4 spherical harmonics.
+    intensity_noise : float
+        Cauchy scale of intensities, relative to the photo's median.
+    independence : float
+        Share of the intensity samples that count as independent observations.
+    finest_blur_mm : float
+        Smoothing of the photos at the last level of the joint refinement.
+    iterations : int
+        Gauss-Newton steps at each of its three levels.
+    outer_passes : int
+        Passes of Algorithm 1 ("imls", "paper").
+    lam, zeta : float
+        ``lambda`` of Eq. 6 and 7, ``zeta`` of Eq. 8.
+    """
+
+    method: str = "joint"
+    control_points: tuple[int, int] = (40, 44)
+    eye_distance_mm: float = 62.0
+    landmarks: str = "468"
+    detector: bool = True
+    perspective: bool = True
+    distance_mm: float = 1200.0
+    expressions: bool = True
+    landmark_offset_mm: float = 3.0
+    modes: float = 1.0
+    smooth_mm: float = 1.0
+    smooth_length: float = 0.12
+    harmonics: int = 9
+    intensity_noise: float = 0.06
+    independence: float = 0.1
+    finest_blur_mm: float = 1.0
+    iterations: int = 5
+    outer_passes: int = 3
+    lam: float = 1.0
+    zeta: float = 1e-3
+
+    def __post_init__(self) -> None:
+        net = tuple(int(x) for x in self.control_points)
+        object.__setattr__(self, "control_points", net)
+        if len(net) != 2 or min(net) < 8 or max(net) > 120:
+            raise ValueError(
+                "control_points must be two numbers from 8 to 120, got "
+                f"{self.control_points}."
+            )
+        for name, allowed in (
+            ("method", METHODS),
+            ("landmarks", SCHEMES),
+            ("harmonics", (4, 9)),
+        ):
+            if getattr(self, name) not in allowed:
+                raise ValueError(
+                    f"{name} must be one of {', '.join(map(str, allowed))}, got "
+                    f"{getattr(self, name)!r}."
+                )
+        for name, (low, high) in LIMITS.items():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise ValueError(f"{name} must be a number, got {value!r}.")
+            if not low <= value <= high:
+                raise ValueError(
+                    f"{name} must lie between {low:g} and {high:g}, got {value:g}."
+                )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, ready for JSON."""
+        return {**asdict(self), "control_points": list(self.control_points)}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Settings:
+        """Settings from plain values; unknown names are refused by name."""
+        known = {f.name for f in fields(cls)}
+        unknown = sorted(set(values) - known)
+        if unknown:
+            raise ValueError(
+                f"There is no setting {', '.join(unknown)}; the settings are "
+                f"{', '.join(sorted(known))}."
+            )
+        return cls(**values)

@@ -1,0 +1,171 @@
+"""Blocks of the joint system: derivative rows, albedo elimination, landmarks.
+
+All blocks have the form ``T_a^T diag(.) T_b`` with ``a, b`` in value, u-slope, v-slope;
+what belongs to one photo (camera, light) borders them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from ..evidence.camera import PARAMETERS, Camera
+from ..evidence.sampling import IntensityField
+from ..surface.bspline import BSplineSurface
+from .bundle import Observations
+
+Array = NDArray[np.float64]
+
+
+def read_photos(
+    fields: Sequence[IntensityField],
+    cameras: Sequence[Camera],
+    X: Array,
+    direction: Array,
+    view: Array,
+) -> tuple[Array, Array, Array]:
+    """Intensities and how they change with the geometry.
+
+    Parameters
+    ----------
+    fields, cameras : sequences of n
+    X, direction : (p, 3) arrays
+        Points and the direction in which they may move.
+    view : (n, p) array
+        Visibility; set to 0 in place where a photo does not reach.
+
+    Returns
+    -------
+    value : (n, p) array
+        Intensities over the median of their photo.
+    by_camera : (n, p, 7) array
+    by_displacement : (n, p) array
+    """
+    n, p = view.shape
+    value, rows, along = np.zeros((n, p)), np.zeros((n, p, PARAMETERS)), np.zeros((n, p))
+    for i, (field, camera) in enumerate(zip(fields, cameras, strict=True)):
+        pixels, J, C = camera.jacobians(X)
+        v, g, inside = field.read(pixels)
+        view[i] *= inside
+        seen = view[i] > 0
+        scale = np.median(v[seen, 0]) if seen.any() else 1.0
+        scale = max(float(scale), 1e-3)
+        value[i], g = v[:, 0] / scale, g[:, 0] / scale
+        rows[i] = np.einsum("px,pxa->pa", g, C)
+        along[i] = np.einsum("px,pxa,pa->p", g, J, direction)
+    return value, rows, along
+
+
+def contravariant(fu: Array, fv: Array) -> tuple[Array, Array]:
+    """``g^u, g^v``: the surface gradient of f is ``g^u f_u + g^v f_v``; (p, 3) each."""
+    E, F, G = (fu * fu).sum(1), (fu * fv).sum(1), (fv * fv).sum(1)
+    det = np.maximum(E * G - F * F, 1e-9)[:, None]
+    return (
+        (G[:, None] * fu - F[:, None] * fv) / det,
+        (E[:, None] * fv - F[:, None] * fu) / det,
+    )
+
+
+def normal_equations(
+    T: Sequence[sparse.csr_array], c: Array, h: Array, s: Array, W: Array, r: Array
+) -> tuple[list[sparse.csr_array], Array, Array, Array, Array]:
+    """Blocks of the Gauss-Newton system with the albedo projected out.
+
+    Parameters
+    ----------
+    T : three (p, M*N) sparse arrays
+        ``T, T1, T2`` at the sample points.
+    c : (n, p, 3) array
+        Derivative of the residual by displacement and its two slopes.
+    h : (n, p, m) array
+        Derivative by camera and light of the photo.
+    s, W, r : (n, p) arrays
+        Shading (minus the derivative by the albedo), weights, residuals.
+
+    Returns
+    -------
+    S : list of (M*N, M*N) sparse arrays
+        To be summed: block of the displacement.
+    gd : (M*N,) array
+        Its right side.
+    B : (M*N, n m) array
+        Block between displacement and photos.
+    H, gh : (n m, n m), (n m,) arrays
+        Block and right side of the photos.
+    """
+    n, p, m = h.shape
+    Ws = W * s
+    den = np.maximum((Ws * s).sum(0), 1e-9)
+    r = r - s * ((Ws * r).sum(0) / den)
+    Wc = W[..., None] * c
+    cs = np.einsum("ip,ipa->pa", Ws, c)
+    A = np.einsum("ipa,ipb->pab", Wc, c) - cs[:, :, None] * cs[:, None, :] / den[
+        :, None, None
+    ]
+    S = [
+        T[a].T @ sparse.diags_array(A[:, a, b]) @ T[b] for a in range(3) for b in range(3)
+    ]
+    right = -np.einsum("ipa,ip->pa", Wc, r)
+    gd = sum(T[a].T @ right[:, a] for a in range(3))
+    Wsh = Ws[..., None] * h
+    B = np.zeros((T[0].shape[1], n * m))
+    for a in range(3):
+        M = Wc[..., a, None] * h - (cs[:, a] / den)[None, :, None] * Wsh
+        B += T[a].T @ M.transpose(1, 0, 2).reshape(p, n * m)
+    G = (Wsh / np.sqrt(den)[None, :, None]).transpose(1, 0, 2).reshape(p, n * m)
+    H = -(G.T @ G)
+    Wh = W[..., None] * h
+    own = np.matmul(Wh.transpose(0, 2, 1), h)
+    for i in range(n):
+        H[i * m : (i + 1) * m, i * m : (i + 1) * m] += own[i]
+    gh = -np.einsum("ipm,ip->im", Wh, r).ravel()
+    return S, gd, B, H, gh
+
+
+def add_landmarks(
+    blocks: tuple[list[sparse.csr_array], Array, Array, Array, Array],
+    seen: Observations,
+    cameras: Sequence[Camera],
+    surface: BSplineSurface,
+    offset: Array,
+    uv: Array,
+    T: sparse.csr_array,
+    directions: Array,
+    sigma: float,
+    weight: float,
+) -> None:
+    """Add the reprojection of the landmarks, which move with the surface, in place.
+
+    Parameters
+    ----------
+    blocks : as returned by `normal_equations`
+    seen, cameras, surface
+    offset : (f, 3) array
+        From the surface point to the landmark.
+    uv, T : (f, 2) array, (f, M*N) sparse array
+        The surface points.
+    directions : (M*N, 3) array
+        Directions in which control points move.
+    sigma, weight : float
+        Standard deviation of a landmark (mm) and weight of the whole term.
+    """
+    S, gd, B, H, gh = blocks
+    X, normal = surface.evaluate(*uv.T), surface.normals(*uv.T)
+    along = T @ directions
+    m = H.shape[1] // len(cameras)
+    for i, camera in enumerate(cameras):
+        p, J, C = camera.jacobians(X + offset)
+        r = (seen.pixels[i] - p) / camera.s
+        J, C = np.einsum("lxa,la->lx", J, along) / camera.s, C / camera.s
+        facing = np.clip(((camera.toward(X) * normal).sum(1) - 0.1) / 0.3, 0, 1)
+        w = weight * seen.weight[i] * facing / sigma**2
+        w = w / (1 + (r**2).sum(1) / (3 * sigma) ** 2)
+        k = slice(i * m, i * m + PARAMETERS)
+        S.append(T.T @ sparse.diags_array(w * (J**2).sum(1)) @ T)
+        gd += T.T @ (w * (J * r).sum(1))
+        B[:, k] += T.T @ (w[:, None] * np.einsum("lx,lxa->la", J, C))
+        H[k, k] += np.einsum("lxa,l,lxb->ab", C, w, C)
+        gh[k] += np.einsum("lxa,l,lx->a", C, w, r)
