@@ -266,7 +266,9 @@ def test(options: argparse.Namespace) -> int:
     results.append(("install", 0, time.monotonic() - started))
     stage("ruff", [python, "-m", "ruff", "check", "."])
     stage("pyright", [python, "-m", "pyright", "--pythonpath", python])
-    stage(f"tests, Blender {line}", [python, "-m", "pytest"])
+    # A file that cannot be read does not keep the others from being tested.
+    pytest = ["-m", "pytest", "--continue-on-collection-errors", "--durations=10"]
+    stage(f"tests, Blender {line}", [python, *pytest])
     for other, version in LINES.items():
         if other == line:
             continue
@@ -277,7 +279,7 @@ def test(options: argparse.Namespace) -> int:
         before = time.monotonic()
         python = environment(other, "run", "test")
         results.append((f"install {other}", 0, time.monotonic() - before))
-        stage(title, [python, "-m", "pytest", "tests/blender", "tests/extension"])
+        stage(title, [python, *pytest, "tests/blender", "tests/extension"])
     print(f"\n== summary ({time.monotonic() - started:.0f} s)")
     for title, code, seconds in results:
         verdict = code if isinstance(code, str) else "FAILED" if code else "passed"
