@@ -27,6 +27,8 @@ MESH_FILE = "face_landmark.tflite"
 
 DETECTOR_SIDE = 128
 MESH_SIDE = 192
+DETECTOR_OUTPUTS = ("regressors", "classificators")
+MESH_OUTPUTS = ("conv2d_21", "conv2d_31")
 # Corners of the eyes: the crop is turned until the line 33-263 is level.
 RIGHT_EYE_OUTER, LEFT_EYE_OUTER = 33, 263
 
@@ -39,7 +41,6 @@ MIN_FIRST_LOGIT = -2.0
 OVERLAP = 0.3
 CROP_MARGIN = 1.5
 MAX_PROPOSALS = 12
-BATCH = 16
 
 # Where faces are looked for until one is found: parts of the picture's longer
 # side (1 = the whole, below 1 = with a border, for faces that fill the picture),
@@ -231,8 +232,8 @@ class FaceMesh:
         self._mirror = np.asarray(mirror, int)
         self._lock = threading.Lock()
         self._anchors = _anchors()
-        self._detector = _load(files.detector, ("regressors", "classificators"))
-        self._mesh = _load(files.mesh, ("conv2d_21", "conv2d_31"))
+        self._detector = _load(files.detector, DETECTOR_OUTPUTS)
+        self._mesh = _load(files.mesh, MESH_OUTPUTS)
 
     def detect_faces(
         self, image: np.ndarray, tick: Callable[[], None] | None = None
@@ -260,11 +261,10 @@ class FaceMesh:
             windows = _windows(w, h, divisions)
             proposals: list[_Proposal] = []
             for angle in angles:
-                for start in range(0, len(windows), BATCH):
+                for window in windows:
                     tick()
-                    proposals += self._propose(
-                        levels, windows[start : start + BATCH], np.deg2rad(angle)
-                    )
+                    turned = _Crop(window.centre, window.side, np.deg2rad(angle))
+                    proposals += self._propose(levels, turned)
             proposals.sort(key=lambda p: -p.score)
             faces: list[Face] = []
             for proposal in _unlike(proposals)[:MAX_PROPOSALS]:
@@ -314,22 +314,21 @@ class FaceMesh:
         score = float(_sigmoid(float(np.median(logit))))
         return FaceLandmarks(mean, np.sqrt(spread / 2), score)
 
-    def _propose(
-        self, levels: list[np.ndarray], windows: Sequence[_Crop], turn: float
-    ) -> list[_Proposal]:
-        """What the detector takes for faces in square windows."""
-        crops = [_Crop(window.centre, window.side, turn) for window in windows]
-        blob = np.stack([_sample(levels, crop, DETECTOR_SIDE) for crop in crops])
-        names = ("regressors", "classificators")
+    def _propose(self, levels: list[np.ndarray], window: _Crop) -> list[_Proposal]:
+        """What the detector takes for faces in a square window."""
+        picture = _planes(_sample(levels, window, DETECTOR_SIDE)) / 127.5 - 1.0
+        boxes, logit = self._forward(self._detector, picture, DETECTOR_OUTPUTS)
+        boxes = boxes.reshape(-1, 16).astype(float)
+        return self._decode(boxes, _sigmoid(logit.reshape(-1)), window)
+
+    def _forward(
+        self, net: cv2.dnn.Net, picture: np.ndarray, names: tuple[str, str]
+    ) -> tuple[np.ndarray, ...]:
+        # One picture at a time: a batch is no faster, and OpenCV sets the network
+        # up anew whenever the number of pictures changes.
         with self._lock:
-            self._detector.setInput(_planes(blob) / 127.5 - 1.0)
-            boxes, logit = self._detector.forward(names)
-        boxes = _unbatched(boxes.reshape(-1, 16), len(crops)).astype(float)
-        score = _sigmoid(_unbatched(logit.reshape(-1, 1), len(crops))[..., 0])
-        found: list[_Proposal] = []
-        for k, crop in enumerate(crops):
-            found += self._decode(boxes[k], score[k], crop)
-        return found
+            net.setInput(picture)
+            return tuple(net.forward(names))
 
     def _decode(
         self, raw: np.ndarray, score: np.ndarray, window: _Crop
@@ -385,13 +384,16 @@ class FaceMesh:
     def _run_mesh(
         self, levels: list[np.ndarray], crops: Sequence[_Crop], both: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        blob = np.stack([_sample(levels, crop, MESH_SIDE) for crop in crops])
+        pictures = [_sample(levels, crop, MESH_SIDE) for crop in crops]
         if both:
-            blob = np.concatenate([blob, blob[:, :, ::-1]])
-        with self._lock:
-            self._mesh.setInput(_planes(blob) / 255)
-            points, logit = self._mesh.forward(("conv2d_21", "conv2d_31"))
-        points = points.reshape(-1, len(crops), 468, 3)[..., :2].astype(float)
+            pictures += [picture[:, ::-1] for picture in pictures]
+        found = [
+            self._forward(self._mesh, _planes(picture) / 255, MESH_OUTPUTS)
+            for picture in pictures
+        ]
+        points = np.stack([p.reshape(468, 3)[:, :2] for p, _ in found]).astype(float)
+        logit = np.array([float(value.reshape(-1)[0]) for _, value in found])
+        points = points.reshape(-1, len(crops), 468, 2)
         if both:
             points[1, ..., 0] = MESH_SIDE - 1 - points[1, ..., 0]
             points[1] = points[1][:, self._mirror]
@@ -402,7 +404,7 @@ class FaceMesh:
             for half in range(len(points))
             for k, crop in enumerate(crops)
         ]
-        return np.stack(placed), logit.reshape(-1).astype(float)
+        return np.stack(placed), logit
 
 
 def _load(path: Path, outputs: tuple[str, str]) -> cv2.dnn.Net:
@@ -417,17 +419,6 @@ def _load(path: Path, outputs: tuple[str, str]) -> cv2.dnn.Net:
             "by `python3 dev.py setup`."
         )
     return net
-
-
-def _unbatched(rows: np.ndarray, count: int) -> np.ndarray:
-    """(count, 896, c) from (count * 896, c).
-
-    The network joins its two grids after flattening them for one picture; with
-    several pictures the first grids of all come before the second grids of all.
-    """
-    first = len(rows) * 512 // 896
-    parts = (rows[:first], rows[first:])
-    return np.concatenate([p.reshape(count, -1, rows.shape[1]) for p in parts], axis=1)
 
 
 def _anchors() -> np.ndarray:
@@ -542,9 +533,9 @@ def _sigmoid(logit: np.ndarray | float) -> np.ndarray:
     return 1 / (1 + np.exp(-np.clip(np.asarray(logit, float), -80, 80)))
 
 
-def _planes(pictures: np.ndarray) -> np.ndarray:
-    """(k, h, w, 3) uint8 -> (k, 3, h, w) float32."""
-    return np.ascontiguousarray(pictures.transpose(0, 3, 1, 2), np.float32)
+def _planes(picture: np.ndarray) -> np.ndarray:
+    """(h, w, 3) uint8 -> (1, 3, h, w) float32."""
+    return np.ascontiguousarray(picture.transpose(2, 0, 1)[None], np.float32)
 
 
 def _crop_of_landmarks(points: np.ndarray) -> _Crop:

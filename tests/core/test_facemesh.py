@@ -106,23 +106,6 @@ def test_augmentations_are_their_own_mirror_image():
     assert {(-right, down, scale) for right, down, scale in crops} == crops
 
 
-def test_batches_give_what_single_pictures_give(mesh, picture):
-    levels = facemesh._pyramid(picture)
-    windows = facemesh._windows(400, 400, (2,))
-    together = mesh._propose(levels, windows, 0.0)
-    single = [p for w in windows for p in mesh._propose(levels, [w], 0.0)]
-    assert len(together) == len(single) > 0
-    for a, b in zip(together, single, strict=True):
-        np.testing.assert_allclose(a.crop.centre, b.crop.centre, atol=1e-3)
-        assert a.score == pytest.approx(b.score, abs=1e-5)
-    crops = [p.crop for p in single]
-    points, logit = mesh._run_mesh(levels, crops)
-    for k, crop in enumerate(crops):
-        alone, value = mesh._run_mesh(levels, [crop])
-        np.testing.assert_allclose(points[k], alone[0], atol=1e-2)
-        assert logit[k] == pytest.approx(value[0], abs=1e-2)
-
-
 # --- invariances -------------------------------------------------------------
 
 
