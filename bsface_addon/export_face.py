@@ -31,7 +31,7 @@ def write_image(path, image):
     import numpy as np
 
     from ..core.output.files import write_bytes
-    from ..core.output.render import encode_png
+    from ..core.output.pictures import encode_png
 
     width, height = image.size
     pixels = np.empty(width * height * 4, np.float32)

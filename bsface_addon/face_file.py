@@ -7,7 +7,6 @@ those in the file, because the artist may have moved them.
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import tempfile
 from pathlib import Path
@@ -73,10 +72,3 @@ def surface(face, key=None):
 def outline(face):
     """The face's outline in (u, v), (k, 2), or None where it is not known."""
     return saved(face).outline_uv
-
-
-def template(face):
-    """The core's template with the object's surface in place of the average face."""
-    from ..core.surface.template import load_template
-
-    return dataclasses.replace(load_template(), surface=surface(face))

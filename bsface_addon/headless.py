@@ -132,6 +132,35 @@ def info(options):
     return {"file": str(path), "faces": found}
 
 
+def export(options):
+    """``export FILE OUT``: a face of a .blend or .npz in another format."""
+    import bpy
+
+    from ..core.errors import ReconstructionError
+    from ..core.output.formats import export as write
+    from . import export_face, scene
+
+    path, target = _existing(options.file), Path(options.out)
+    trimmed = not options.untrimmed
+    if path.suffix.lower() == ".npz":
+        from ..core.output.formats.npz import read_npz
+
+        face = read_npz(path)
+        written = write(target, face, trimmed=trimmed, tolerance=options.tolerance)
+        return {"written": [str(written)]}
+    _open(bpy, path)
+    found = {face.name: face for face in bpy.data.objects if scene.is_face(face)}
+    if not found:
+        raise ReconstructionError(f"{path.name} holds no face made by BSface.")
+    name = options.name or next(iter(found))
+    if name not in found:
+        raise ReconstructionError(
+            f"{path.name} holds no face {name!r}; it holds {', '.join(found)}."
+        )
+    written = export_face.write(target, found[name], trimmed, options.tolerance)
+    return {"written": [str(written)]}
+
+
 class Console:
     """Progress on stderr: a bar where somebody watches, a line per stage elsewhere."""
 
@@ -174,9 +203,16 @@ def _parser():
         prog=COMMAND, description="Photos of one person in, an editable NURBS face out."
     )
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    add = verbs.add_parser(
-        "reconstruct", help="photos -> .blend (what happens without a verb)"
-    )
+    for name, parent in _verbs().items():
+        verbs.add_parser(
+            name, parents=[parent], add_help=False, help=parent.description
+        )
+    return parser
+
+
+def _verbs():
+    """Name -> parser of its arguments."""
+    add = argparse.ArgumentParser(description="photos -> .blend; the usual verb")
     add.add_argument("photos", metavar="PHOTOS", help="folder with the photos")
     add.add_argument("out", metavar="OUT.blend", nargs="?", help="file to write")
     add.add_argument("-o", "--output", metavar="OUT.blend", help="the same")
@@ -196,14 +232,26 @@ def _parser():
     )
     add.add_argument("--quiet", action="store_true", help="no progress")
     add.set_defaults(run=reconstruct)
-    show = verbs.add_parser("info", help="what a .blend or .npz holds")
+    send = argparse.ArgumentParser(description="a face as STEP, IGES, OBJ, 3dm...")
+    send.add_argument("file", metavar="FILE", help=".blend or .npz")
+    send.add_argument("out", metavar="OUT", help="file to write; its ending decides")
+    send.add_argument("--name", default="", help="which face of the .blend")
+    send.add_argument(
+        "--untrimmed", action="store_true", help="the whole patch, not only the face"
+    )
+    send.add_argument(
+        "--tolerance", type=float, default=0.05, help="of meshes, in mm (0.05)"
+    )
+    send.set_defaults(run=export)
+    show = argparse.ArgumentParser(description="what a .blend or .npz holds")
     show.add_argument("file", metavar="FILE")
     show.set_defaults(run=info)
-    for verb in (add, show):
+    found = {"reconstruct": add, "export": send, "info": show}
+    for verb in found.values():
         verb.add_argument(
             "--json", action="store_true", help="the result as one line of JSON"
         )
-    return parser
+    return found
 
 
 def _points(text):
@@ -269,6 +317,7 @@ def _write(bpy, output, result, options):
     written = [output]
     with replacing(output) as temporary:
         _relative_images(bpy, output.resolve().parent)
+        temporary.unlink()  # or Blender keeps it as a backup, .blend1
         bpy.ops.wm.save_as_mainfile(
             filepath=str(temporary.resolve()), compress=True, relative_remap=False
         )
@@ -373,12 +422,16 @@ def _as_script():
     )
     sys.modules["bsface_script"] = importlib.util.module_from_spec(spec)
     module = importlib.import_module("bsface_script.bsface_addon.headless")
-    given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    import bpy
+
+    if "--" in sys.argv:
+        given = sys.argv[sys.argv.index("--") + 1 :]
+    else:
+        # Inside Blender all arguments before "--" are Blender's own.
+        given = [] if bpy.app.binary_path else sys.argv[1:]
     code = module.main(given)
     sys.stdout.flush()
     sys.stderr.flush()
-    import bpy
-
     if not bpy.app.binary_path:
         # Python with the module bpy, which has hung at the interpreter's end.
         os._exit(code)

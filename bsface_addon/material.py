@@ -12,7 +12,8 @@ import numpy as np
 
 # kind -> the label of its image and whether the light of the scene falls on it
 MAPS = {
-    "PHOTO": ("photo texture", True),
+    "SKIN": ("skin", True),
+    "PHOTO": ("photo texture", False),
     "NORMALS": ("normals", False),
     "RESIDUAL": ("residual", False),
     "CONFIDENCE": ("confidence", False),

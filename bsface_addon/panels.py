@@ -253,8 +253,6 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
         column.operator("bsface.surface_resample", icon="MESH_GRID")
         column.operator("bsface.surface_to_mesh", icon="MESH_DATA")
         layout.operator("bsface.face_remove", icon="TRASH")
-        for warning in scene.stored(face, scene.WARNINGS, []):
-            paragraph(context, layout, warning, icon="INFO")
 
 
 class BSFACE_PT_texture(FacePanel, bpy.types.Panel):

@@ -8,12 +8,15 @@ and the modal job all go this way.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import ReconstructionError
 from . import messages, photo_list
+
+# Part of the whole time that the core's reconstruction takes; the rest paints.
+SOLVE_SHARE = 0.85
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Request:
         Names of photos to leave out.
     landmarks : dict
         Photo name -> core Landmarks that replace detection.
-    template : core Template or None
+    template : core BSplineSurface, Template or None
         What to start from; None for the average face.
     """
 
@@ -96,20 +99,33 @@ def solve(request, progress=None):
     """
     from ..core.reconstruct import reconstruct
 
+    def tell(step):
+        if progress is not None:
+            progress(replace(step, overall=step.overall * SOLVE_SHARE))
+
     result = reconstruct(
         request.photos,
         request.settings,
         template=request.template,
-        progress=progress,
+        progress=tell,
         ignore=request.ignore,
         landmarks=request.landmarks or None,
     )
-    return Outcome(result, maps(result))
+    return Outcome(result, maps(result, progress))
 
 
-def maps(result):
-    """Pictures for the surface by kind (see `material.MAPS`)."""
-    return {}
+def maps(result, progress=None):
+    """Pictures for the surface by kind (see `maps.all_maps`), with progress."""
+    from ..core.progress import Step
+    from .maps import all_maps
+
+    def tell(fraction):
+        if progress is not None:
+            overall = SOLVE_SHARE + (1 - SOLVE_SHARE) * fraction
+            done = round(100 * fraction)
+            progress(Step("output", done, 100, overall, "painting the texture"))
+
+    return all_maps(result, tell)
 
 
 def request(state, photos=None, name="", changes=None, **fields):
@@ -166,6 +182,25 @@ def detect(request, progress=None):
     )
 
 
+def hints(gathered):
+    """Sentences on the views that are missing, before anything is solved."""
+    import numpy as np
+
+    from ..core.evidence.coverage import shortcomings
+    from ..core.evidence.pose_linear import linear_pose
+    from ..core.surface.template import load_template
+
+    template = load_template()
+    poses = []
+    for found in gathered.landmarks:
+        index = template.schemes[found.scheme]
+        weight = found.weight * template.landmark_reliable[index]
+        pose = linear_pose(found.points, template.landmark_xyz[index], weight)
+        if pose:
+            poses.append(pose.yaw_pitch_roll)
+    return shortcomings(np.reshape(poses, (-1, 3)))
+
+
 def photo_size(path, name):
     """A core Photo (its size is that of the turned picture) or PhotoFailure."""
     from ..core.evidence.photos import read_photo
@@ -192,18 +227,6 @@ def write_landmarks(path, found):
         write_landmarks(path, found)
     except (OSError, ValueError) as error:
         raise ReconstructionError(messages.NOT_WRITTEN.format(why=error)) from error
-
-
-def normal_map(surface, resolution=512):
-    """Normals as colours, (resolution, resolution, 3) floats, row j = v_j.
-
-    Red is x (the picture's right), green y (up), blue z (towards the camera).
-    """
-    import numpy as np
-
-    at = (np.arange(resolution) + 0.5) / resolution
-    u, v = np.meshgrid(at, at)
-    return (surface.normals(u, v) + 1) / 2
 
 
 def deliver(context, request, outcome, *, face=None, scale=1.0):

@@ -77,7 +77,7 @@ def place(context, result, name, *, face=None, scale=1.0, maps=None):
         for kind, pixels in (maps or {}).items():
             material.store_map(face, kind, pixels)
         if fresh or material.shown(face) == "PLAIN":
-            material.show(face, "PHOTO" if maps and "PHOTO" in maps else "PLAIN")
+            material.show(face, "SKIN" if maps and "SKIN" in maps else "PLAIN")
         _write_facts(face, result)
         if not fresh:
             surface_object.write(context, face, points)

@@ -35,7 +35,7 @@ def turn(row, quarters):
 
     from ..core.evidence.photos import read_photo
     from ..core.output.files import write_bytes
-    from ..core.output.render import encode_png
+    from ..core.output.pictures import encode_png
 
     original = Path(bpy.path.abspath(row.original)) if row.original else None
     original = original or photo_list.absolute(row)

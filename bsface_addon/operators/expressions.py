@@ -86,7 +86,7 @@ class BSFACE_OT_expression_key(FaceOperator, LongOperator, bpy.types.Operator):
             tuple(photo_list.absolute(row) for row in rows),
             self.expression,
             {"control_points": surface_object.shape(face)},
-            template=face_file.template(face),
+            template=face_file.surface(face),
             landmarks={r.name: known[r.name] for r in rows if r.name in known},
         )
 

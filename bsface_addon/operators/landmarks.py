@@ -39,6 +39,7 @@ class BSFACE_OT_landmarks_detect(LongOperator, bpy.types.Operator):
         photo_list.take_landmarks(state, outcome.landmarks)
         photo_list.take_failures(state, outcome.failures)
         photo_list.take_found(state, outcome.landmarks)
+        state.hints = "\n".join(pipeline.hints(outcome))
         found, total = len(outcome.landmarks), len(state.photos)
         self.report({"INFO"}, messages.FOUND.format(found=found, all=total))
 

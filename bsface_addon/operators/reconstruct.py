@@ -83,6 +83,7 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         if self.directory:
             photo_list.replace(state, request.photos)
         photo_list.take_reports(state, outcome.result.reports)
+        state.hints = "\n".join(outcome.result.warnings)
         photo_list.take_landmarks(state, outcome.result.landmarks)
         for warning in outcome.result.warnings:
             self.report({"WARNING"}, warning)

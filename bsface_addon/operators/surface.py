@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 from .. import (
     face_file,
     job,
+    maps,
     material,
     mesh_copy,
     messages,
@@ -50,7 +51,7 @@ class BSFACE_OT_surface_refit(FaceOperator, LongOperator, bpy.types.Operator):
             photos,
             face.name,
             {"control_points": shape},
-            template=face_file.template(face),
+            template=face_file.surface(face),
         )
 
     def deliver(self, context, request, outcome):
@@ -172,7 +173,12 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
         name="Map",
         items=(
             ("PLAIN", "Plain", "One colour, to judge the shape"),
-            ("PHOTO", "Photo Texture", "The mean of the photos"),
+            (
+                "SKIN",
+                "Skin",
+                "The skin's own colour, the light of the photos taken out",
+            ),
+            ("PHOTO", "Photo Texture", "The mean of the photos, their light included"),
             ("NORMALS", "Normals", "Direction of the surface as a colour"),
             ("RESIDUAL", "Residual", "Where the photos contradict the surface"),
             ("CONFIDENCE", "Confidence", "How well the photos fix the surface, in mm"),
@@ -183,7 +189,7 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
         face = scene.active_face(context)
         if self.kind == "NORMALS":
             # Of the surface as it is now, edits included.
-            pixels = pipeline.normal_map(face_file.surface(face))
+            pixels = maps.normals(face_file.surface(face))
             material.store_map(face, "NORMALS", pixels)
         try:
             material.show(face, self.kind)

@@ -42,7 +42,7 @@ def test_refit_starts_from_the_edited_net(face, solved):
     edited = points(face)
     bpy.ops.bsface.surface_refit()
     (request,) = solved
-    np.testing.assert_array_equal(request.template.surface.control_points, edited)
+    np.testing.assert_array_equal(request.template.control_points, edited)
     assert request.settings.control_points == edited.shape[:2]
     assert [obj for obj in bpy.data.objects if scene.is_face(obj)] == [face]
 
@@ -163,7 +163,7 @@ def test_expression_becomes_a_shape_key(face, solved):
     bpy.ops.bsface.expression_key(expression="Smile")
     (request,) = solved
     assert [path.name for path in request.photos] == ["0.png", "2.png"]
-    np.testing.assert_array_equal(request.template.surface.control_points, neutral)
+    np.testing.assert_array_equal(request.template.control_points, neutral)
     np.testing.assert_array_equal(points(face), neutral)
     assert face.data.shape_keys.key_blocks["Smile"] is not None
     with pytest.raises(RuntimeError, match="No ticked photo"):

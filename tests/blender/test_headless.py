@@ -1,0 +1,142 @@
+"""The command line of the add-on: files, exit codes, JSON."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from blender.checkout import ROOT, load
+
+headless = load("bsface_addon.headless")
+scene = load("bsface_addon.scene")
+surface_object = load("bsface_addon.surface_object")
+read_npz = load("core.output.formats.npz").read_npz
+SCRIPT = ROOT / "bsface_addon" / "headless.py"
+
+
+def test_photos_in_blend_and_npz_out(addon, solved, tmp_path, capfd):
+    blend, npz = tmp_path / "out" / "ann.blend", tmp_path / "ann.npz"
+    code = headless.main(
+        [str(tmp_path / "photos"), str(blend), "--npz", str(npz), "--points", "9x10"]
+    )
+    assert code == 0
+    assert solved[0].settings.control_points == (9, 10)
+    assert "3 of 4 photos used" in capfd.readouterr().err
+    # Nothing but the file itself: no backup, no temporary name.
+    assert os.listdir(blend.parent) == ["ann.blend"]
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    face = bpy.context.scene.bsface.face
+    saved = read_npz(npz)
+    points = saved.control_points.astype(np.float32)
+    np.testing.assert_array_equal(surface_object.read(face), points)
+    assert bpy.context.scene.camera is not None
+    for image in bpy.data.images:
+        if image.source == "FILE" and not image.packed_file:
+            assert image.filepath.startswith("//")
+            assert Path(bpy.path.abspath(image.filepath)).is_file()
+
+
+def test_json_and_info(addon, solved, tmp_path, capfd):
+    blend = tmp_path / "ann.blend"
+    arguments = ["reconstruct", str(tmp_path / "photos"), "-o", str(blend), "--json"]
+    assert headless.main([*arguments, "--name", "Ann"]) == 0
+    said = json.loads(capfd.readouterr().out.splitlines()[-1])
+    assert said["ok"] and said["face"] == "Ann" and said["written"] == [str(blend)]
+    assert [photo["status"] for photo in said["photos"]] == ["used"] * 3 + ["no_face"]
+    assert headless.main(["info", str(blend), "--json"]) == 0
+    (face,) = json.loads(capfd.readouterr().out.splitlines()[-1])["faces"]
+    assert face["control_points"] == [16, 18] and face["used"] == 3
+    assert headless.main(["info", str(blend)]) == 0
+    assert "16 x 18 control points" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("kind", ["step", "npz", "obj"])
+def test_export_of_a_blend(addon, solved, tmp_path, kind):
+    blend, target = tmp_path / "ann.blend", tmp_path / f"ann.{kind}"
+    headless.main([str(tmp_path / "photos"), str(blend), "--quiet"])
+    assert headless.main(["export", str(blend), str(target)]) == 0
+    assert target.stat().st_size > 1000
+
+
+def test_export_of_a_face_file(addon, solved, tmp_path):
+    npz = tmp_path / "ann.npz"
+    headless.main(
+        [str(tmp_path / "photos"), str(tmp_path / "a.blend"), "--npz", str(npz)]
+    )
+    assert headless.main(["export", str(npz), str(tmp_path / "ann.igs")]) == 0
+    assert (tmp_path / "ann.igs").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    "arguments, code, words",
+    [
+        (["/no/such", "out.blend"], 1, "cannot open this folder"),
+        (["PHOTOS", "out.png"], 1, "ends in .blend"),
+        (["PHOTOS"], 1, "ends in .blend"),
+        (["PHOTOS", "out.blend", "--points", "many"], 1, "40x40"),
+        (["PHOTOS", "out.blend", "--settings", "{"], 1, "settings"),
+        (["info", "/no/such.blend"], 1, "no file"),
+        (["export", "/no/such.blend", "a.step"], 1, "no file"),
+        (["reconstruct"], 2, "PHOTOS"),
+        (["info", "a", "b"], 2, "unrecognized"),
+        (["--help"], 0, "usage"),
+    ],
+)
+def test_failures_are_one_sentence_and_an_exit_code(
+    addon, solved, tmp_path, capfd, arguments, code, words
+):
+    swap = {"PHOTOS": str(tmp_path / "photos"), "out.blend": str(tmp_path / "o.blend")}
+    assert headless.main([swap.get(item, item) for item in arguments]) == code
+    captured = capfd.readouterr()
+    assert words in captured.out + captured.err
+    assert "Traceback" not in captured.err
+    assert not list(tmp_path.glob("*.blend"))
+
+
+def test_a_file_that_is_no_blend(addon, tmp_path, capfd):
+    (tmp_path / "a.blend").write_text("nothing")
+    assert headless.main(["info", str(tmp_path / "a.blend")]) == 1
+    assert "a.blend" in capfd.readouterr().err
+
+
+def test_the_command_is_known_to_blender(addon):
+    assert headless._handle is not None
+
+
+def test_no_option_begins_like_those_that_cycles_reads():
+    for verb in (headless._parser(), *headless._verbs().values()):
+        for action in verb._actions:
+            assert not any(name.startswith("--c") for name in action.option_strings)
+
+
+def test_as_a_script_on_real_photos(tmp_path):
+    """No fixtures, no fakes: a process of its own, five photos, no shading."""
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for path in sorted((ROOT / "examples" / "photos").glob("*.jpg"))[::8]:
+        shutil.copy(path, photos)
+    facemesh = load("core.evidence.facemesh")
+    errors = load("core.errors")
+    try:
+        facemesh.find_models()
+    except errors.ReconstructionError as error:
+        pytest.skip(f"no face models: {error}")
+    blend = tmp_path / "face.blend"
+    run = subprocess.run(
+        [sys.executable, SCRIPT, "--", photos, blend, "--method", "motion", "--json"],
+        capture_output=True,
+        text=True,
+        timeout=400,
+    )
+    assert run.returncode == 0, run.stderr
+    said = json.loads(run.stdout.splitlines()[-1])
+    assert [photo["status"] for photo in said["photos"]] == ["used"] * 5
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    (face,) = [obj for obj in bpy.data.objects if scene.is_face(obj)]
+    report = scene.stored(face, scene.REPORT, [])
+    assert max(row["reprojection_pct"] for row in report) < 5
