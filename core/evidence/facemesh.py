@@ -10,20 +10,15 @@ over several crops and their mirror images.
 
 from __future__ import annotations
 
-import os
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ..errors import ReconstructionError
-
-DETECTOR_FILE = "face_detection_short_range.tflite"
-MESH_FILE = "face_landmark.tflite"
+from .crops import CROP_MARGIN, Crop, pyramid, sample, windows_of
+from .face_models import ModelFiles, find_models, load_network
 
 DETECTOR_SIDE = 128
 MESH_SIDE = 192
@@ -39,7 +34,6 @@ MIN_MESH_SCORE = 0.95
 # On the detector's own crop, which may be askew, faces have 1 and more.
 MIN_FIRST_LOGIT = -2.0
 OVERLAP = 0.3
-CROP_MARGIN = 1.5
 MAX_PROPOSALS = 12
 
 # Where faces are looked for until one is found: parts of the picture's longer
@@ -67,53 +61,19 @@ AUGMENTATIONS = (
 )
 
 
-@dataclass(frozen=True)
-class ModelFiles:
-    """Where the two networks lie."""
-
-    detector: Path
-    mesh: Path
-
-
-@dataclass(frozen=True, eq=False)
-class _Crop:
-    """A square of the picture: centre (2,) and side in pixels, turn in radians."""
-
-    centre: np.ndarray
-    side: float
-    turn: float
-
-    def axes(self) -> np.ndarray:
-        """(2, 2): columns are the crop's x and y axis in the picture."""
-        c, s = np.cos(self.turn), np.sin(self.turn)
-        return np.array([[c, -s], [s, c]])
-
-    def moved(self, right: float, down: float, scale: float) -> _Crop:
-        shift = self.axes() @ (right * self.side, down * self.side)
-        return _Crop(self.centre + shift, self.side * scale, self.turn)
-
-    def box(self) -> np.ndarray:
-        half = self.side / CROP_MARGIN / 2
-        return np.concatenate([self.centre - half, self.centre + half])
-
-    def to_image(self, xy: np.ndarray, size: int) -> np.ndarray:
-        """Network coordinates, [0, size] from edge to edge -> picture pixels."""
-        return self.centre + (xy / size - 0.5) * self.side @ self.axes().T
-
-
 @dataclass(frozen=True, eq=False)
 class Face:
     """A face that was found.
 
     Parameters
     ----------
-    crop : _Crop
+    crop : Crop
         The square that the mesh wants, as upright as the eyes.
     score : float
         The mesh's probability that it shows a face, in [0, 1].
     """
 
-    crop: _Crop
+    crop: Crop
     score: float
 
     @property
@@ -131,7 +91,7 @@ class Face:
 class _Proposal:
     """What the detector takes for a face: its crop and the detector's score."""
 
-    crop: _Crop
+    crop: Crop
     score: float
 
 
@@ -153,60 +113,6 @@ class FaceLandmarks:
     points: np.ndarray
     sigma: np.ndarray
     score: float
-
-
-def model_folders(folder: str | os.PathLike | None = None) -> tuple[Path, ...]:
-    """Folders in which the networks are looked for, in this order."""
-    if folder is not None:
-        return (Path(folder),)
-    folders = []
-    if os.environ.get("BSFACE_MODELS"):
-        folders.append(Path(os.environ["BSFACE_MODELS"]))
-    folders.append(Path(__file__).resolve().parent.parent / "data" / "models")
-    folders.append(user_cache() / "models")
-    return tuple(folders)
-
-
-def user_cache() -> Path:
-    """The folder ``bsface`` in the user's cache, by the platform's custom."""
-    home = Path(os.path.expanduser("~"))
-    if os.environ.get("XDG_CACHE_HOME"):
-        base = Path(os.environ["XDG_CACHE_HOME"])
-    elif sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = home / "Library" / "Caches"
-    else:
-        base = home / ".cache"
-    return base / "bsface"
-
-
-def find_models(folder: str | os.PathLike | None = None) -> ModelFiles:
-    """The two networks' files.
-
-    Parameters
-    ----------
-    folder : path, optional
-        Look only here; by default in the folder that the environment variable
-        ``BSFACE_MODELS`` names, in ``data/models`` of the package and in the
-        user's cache.
-
-    Raises
-    ------
-    ReconstructionError
-        If no folder holds both files.
-    """
-    folders = model_folders(folder)
-    for place in folders:
-        files = ModelFiles(place / DETECTOR_FILE, place / MESH_FILE)
-        if files.detector.is_file() and files.mesh.is_file():
-            return files
-    raise ReconstructionError(
-        "The face detector's model files are in none of these folders: "
-        + ", ".join(str(place) for place in folders)
-        + "; fetch them by `python3 dev.py setup`, or lay landmark files "
-        "beside the photos and switch the detector off."
-    )
 
 
 class FaceMesh:
@@ -232,8 +138,8 @@ class FaceMesh:
         self._mirror = np.asarray(mirror, int)
         self._lock = threading.Lock()
         self._anchors = _anchors()
-        self._detector = _load(files.detector, DETECTOR_OUTPUTS)
-        self._mesh = _load(files.mesh, MESH_OUTPUTS)
+        self._detector = load_network(files.detector, DETECTOR_OUTPUTS)
+        self._mesh = load_network(files.mesh, MESH_OUTPUTS)
 
     def detect_faces(
         self, image: np.ndarray, tick: Callable[[], None] | None = None
@@ -253,17 +159,17 @@ class FaceMesh:
             Called now and then; may raise `Cancelled`.
         """
         tick = tick or (lambda: None)
-        levels = _pyramid(image)
+        levels = pyramid(image)
         h, w = image.shape[:2]
         for divisions, angles in _STAGES:
             if min(divisions) > 2 and max(w, h) / min(divisions) < DETECTOR_SIDE / 2:
                 continue
-            windows = _windows(w, h, divisions)
+            windows = windows_of(w, h, divisions)
             proposals: list[_Proposal] = []
             for angle in angles:
                 for window in windows:
                     tick()
-                    turned = _Crop(window.centre, window.side, np.deg2rad(angle))
+                    turned = Crop(window.centre, window.side, np.deg2rad(angle))
                     proposals += self._propose(levels, turned)
             proposals.sort(key=lambda p: -p.score)
             faces: list[Face] = []
@@ -293,7 +199,7 @@ class FaceMesh:
         face : Face
             From `detect_faces` on the same picture.
         """
-        levels = _pyramid(image)
+        levels = pyramid(image)
         crop = face.crop
         for _ in range(2):
             points, _ = self._mesh_on(levels, [crop])
@@ -314,9 +220,9 @@ class FaceMesh:
         score = float(_sigmoid(float(np.median(logit))))
         return FaceLandmarks(mean, np.sqrt(spread / 2), score)
 
-    def _propose(self, levels: list[np.ndarray], window: _Crop) -> list[_Proposal]:
+    def _propose(self, levels: list[np.ndarray], window: Crop) -> list[_Proposal]:
         """What the detector takes for faces in a square window."""
-        picture = _planes(_sample(levels, window, DETECTOR_SIDE)) / 127.5 - 1.0
+        picture = _planes(sample(levels, window, DETECTOR_SIDE)) / 127.5 - 1.0
         boxes, logit = self._forward(self._detector, picture, DETECTOR_OUTPUTS)
         boxes = boxes.reshape(-1, 16).astype(float)
         return self._decode(boxes, _sigmoid(logit.reshape(-1)), window)
@@ -331,7 +237,7 @@ class FaceMesh:
             return tuple(net.forward(names))
 
     def _decode(
-        self, raw: np.ndarray, score: np.ndarray, window: _Crop
+        self, raw: np.ndarray, score: np.ndarray, window: Crop
     ) -> list[_Proposal]:
         keep = np.flatnonzero(score >= MIN_DETECTOR_SCORE)
         raw, score = raw[keep], score[keep]
@@ -349,7 +255,7 @@ class FaceMesh:
                 np.stack([box.mean(axis=0), *eyes]), DETECTOR_SIDE
             )
             side = float((box[1] - box[0]).max()) * window.side / DETECTOR_SIDE
-            crop = _Crop(middle, side * CROP_MARGIN, _direction(left - right))
+            crop = Crop(middle, side * CROP_MARGIN, _direction(left - right))
             proposals.append(_Proposal(crop, float(score[group].max())))
         return proposals
 
@@ -357,7 +263,7 @@ class FaceMesh:
         """The proposal turned upright by the mesh; None if it is no face."""
         crop = proposal.crop
         crops = [
-            _Crop(crop.centre, crop.side, crop.turn + quarter * np.pi / 2)
+            Crop(crop.centre, crop.side, crop.turn + quarter * np.pi / 2)
             for quarter in range(4)
         ]
         points, logit = self._run_mesh(levels, crops)
@@ -376,15 +282,15 @@ class FaceMesh:
         return Face(_crop_of_landmarks(points[best]), score)
 
     def _mesh_on(
-        self, levels: list[np.ndarray], crops: Sequence[_Crop]
+        self, levels: list[np.ndarray], crops: Sequence[Crop]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Landmarks (2 k, 468, 2) and logits on k crops and their mirror images."""
         return self._run_mesh(levels, crops, both=True)
 
     def _run_mesh(
-        self, levels: list[np.ndarray], crops: Sequence[_Crop], both: bool = False
+        self, levels: list[np.ndarray], crops: Sequence[Crop], both: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        pictures = [_sample(levels, crop, MESH_SIDE) for crop in crops]
+        pictures = [sample(levels, crop, MESH_SIDE) for crop in crops]
         if both:
             pictures += [picture[:, ::-1] for picture in pictures]
         found = [
@@ -407,20 +313,6 @@ class FaceMesh:
         return np.stack(placed), logit
 
 
-def _load(path: Path, outputs: tuple[str, str]) -> cv2.dnn.Net:
-    try:
-        net = cv2.dnn.readNetFromTFLite(str(path))
-        names = net.getUnconnectedOutLayersNames()
-    except (cv2.error, OSError):
-        names = ()
-    if set(names) != set(outputs):
-        raise ReconstructionError(
-            f"{path} is not the expected model file; remove it and fetch it again "
-            "by `python3 dev.py setup`."
-        )
-    return net
-
-
 def _anchors() -> np.ndarray:
     """(896, 2) anchor centres of BlazeFace short range, in [0, 1]."""
     parts = []
@@ -429,63 +321,6 @@ def _anchors() -> np.ndarray:
         grid = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
         parts.append(np.repeat(grid, repeat, axis=0))
     return np.concatenate(parts)
-
-
-def _pyramid(image: np.ndarray) -> list[np.ndarray]:
-    """The picture and its halvings, each the mean of 2 x 2 of the last."""
-    levels = [np.ascontiguousarray(image)]
-    while max(levels[-1].shape[:2]) > DETECTOR_SIDE:
-        last = levels[-1]
-        h, w = last.shape[:2]
-        if h % 2 or w % 2:
-            # An odd edge is repeated so that each level is exactly half.
-            last = cv2.copyMakeBorder(last, 0, h % 2, 0, w % 2, cv2.BORDER_REPLICATE)
-        size = (last.shape[1] // 2, last.shape[0] // 2)
-        levels.append(cv2.resize(last, size, interpolation=cv2.INTER_AREA))
-    return levels
-
-
-def _sample(levels: list[np.ndarray], crop: _Crop, size: int) -> np.ndarray:
-    """The crop as (size, size, 3) uint8; black outside the picture."""
-    step = crop.side / size
-    level = int(np.clip(np.floor(np.log2(max(step, 1e-9))), 0, len(levels) - 1))
-    axes = crop.axes() * step
-    # Crop pixel i lies at i + 0.5 from the crop's edge; the same half pixel
-    # stands between a level's pixels and the original's.
-    corner = crop.centre + axes @ np.full(2, 0.5 - size / 2)
-    corner = (corner + 0.5) / 2**level - 0.5
-    matrix = np.column_stack([axes / 2**level, corner])
-    return cv2.warpAffine(
-        levels[level],
-        matrix,
-        (size, size),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_CONSTANT,
-    )
-
-
-def _windows(w: int, h: int, levels: Sequence[float]) -> list[_Crop]:
-    """Square windows: level 1 is the whole picture, 2 its overlapping halves..."""
-    windows = []
-    for level in levels:
-        side = max(w, h) / level
-        # On the fine levels faces are small in the window, else they would have
-        # been found before: less overlap is enough.
-        step = 0.5 if level < 8 else 0.65
-        for y in _centres(h, side, step):
-            for x in _centres(w, side, step):
-                windows.append(_Crop(np.array([x, y]), side, 0.0))
-    return windows
-
-
-def _centres(length: int, side: float, step: float) -> Iterator[float]:
-    """Centres along one edge, at most `step` sides apart."""
-    if side >= length:
-        yield (length - 1) / 2
-        return
-    count = int(np.ceil((length - side) / (step * side))) + 1
-    for k in range(count):
-        yield side / 2 - 0.5 + k * (length - side) / (count - 1)
 
 
 def _overlap(box: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -538,11 +373,11 @@ def _planes(picture: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(picture.transpose(2, 0, 1)[None], np.float32)
 
 
-def _crop_of_landmarks(points: np.ndarray) -> _Crop:
+def _crop_of_landmarks(points: np.ndarray) -> Crop:
     """The square about the landmarks, as upright as the eyes."""
     turn = _direction(points[LEFT_EYE_OUTER] - points[RIGHT_EYE_OUTER])
-    axes = _Crop(np.zeros(2), 1.0, turn).axes()
+    axes = Crop(np.zeros(2), 1.0, turn).axes()
     upright = points @ axes
     low, high = upright.min(axis=0), upright.max(axis=0)
     side = float((high - low).max()) * CROP_MARGIN
-    return _Crop(axes @ ((low + high) / 2), max(side, 1.0), turn)
+    return Crop(axes @ ((low + high) / 2), max(side, 1.0), turn)

@@ -23,7 +23,8 @@ from ..errors import PhotoFailure, ReconstructionError
 from ..progress import Progress, Step
 from ..surface.template import Template, load_template
 from .choose import Candidate, choose_faces
-from .facemesh import FaceMesh, ModelFiles
+from .face_models import ModelFiles
+from .facemesh import FaceMesh
 from .landmarks import (
     LandmarkFileError,
     Landmarks,

@@ -11,11 +11,9 @@ keeps a decompression bomb out.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import stat
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -24,7 +22,15 @@ import cv2
 import numpy as np
 
 from ..errors import PhotoFailure, ReconstructionError
-from .image_header import READABLE, ImageHeader, read_header
+from .image_file import (
+    MAX_PIXELS,
+    MIN_SIDE,
+    decode,
+    file_bytes,
+    judge_header,
+    why_not,
+)
+from .image_header import read_header
 
 READABLE_ENDINGS = frozenset(
     [
@@ -67,20 +73,9 @@ FOREIGN_ENDINGS = frozenset(
     ]
 )
 
-MAX_PIXELS = 200_000_000
-MAX_DECODED_BYTES = 600_000_000
-MAX_FILE_BYTES = 600_000_000
-MIN_SIDE = 32
 # Above this many pixels the picture is decoded at half, a quarter or an eighth
 # of its size: a face that fills a sixth of 16 megapixels still has 650 pixels.
 FULL_SIZE_PIXELS = 16_000_000
-
-_REDUCED = {
-    1: cv2.IMREAD_COLOR,
-    2: cv2.IMREAD_REDUCED_COLOR_2,
-    4: cv2.IMREAD_REDUCED_COLOR_4,
-    8: cv2.IMREAD_REDUCED_COLOR_8,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +150,7 @@ def list_photos(folder: str | os.PathLike) -> tuple[Path, ...]:
         mode = folder.stat().st_mode
     except OSError as error:
         raise ReconstructionError(
-            f"{folder}: cannot open this folder ({_why(error)}); "
+            f"{folder}: cannot open this folder ({why_not(error)}); "
             "give the folder that holds the photos."
         ) from None
     except ValueError:
@@ -179,7 +174,7 @@ def list_photos(folder: str | os.PathLike) -> tuple[Path, ...]:
             ]
     except OSError as error:
         raise ReconstructionError(
-            f"{folder}: the folder cannot be read ({_why(error)}); "
+            f"{folder}: the folder cannot be read ({why_not(error)}); "
             "check its permissions."
         ) from None
     if not names:
@@ -222,11 +217,11 @@ def read_photo(
         return _from_array(source, name or "picture")
     path = Path(source)
     name = name or path.name
-    data = _file_bytes(path, name)
+    data = file_bytes(path, name)
     if isinstance(data, PhotoFailure):
         return data
     header = read_header(data)
-    failure = _judge_header(header, name)
+    failure = judge_header(header, name)
     if failure is not None:
         return failure
     assert header is not None
@@ -235,7 +230,7 @@ def read_photo(
         reduction *= 2
     # libpng would complain on stderr about a missing end.
     cut_short = header.format == "PNG" and data.tobytes().rfind(b"IEND") < 0
-    pixels = None if cut_short else _decode(data, reduction)
+    pixels = None if cut_short else decode(data, reduction)
     if pixels is None:
         return PhotoFailure(
             name,
@@ -305,104 +300,8 @@ def _is_folder(entry: os.DirEntry) -> bool:
         return False
 
 
-def _why(error: OSError) -> str:
-    text = error.strerror or str(error)
-    return text[:1].lower() + text[1:]
-
-
-def _file_bytes(path: Path, name: str) -> np.ndarray | PhotoFailure:
-    try:
-        info = path.stat()
-        if not stat.S_ISREG(info.st_mode):
-            # A named pipe would block for ever when opened.
-            return PhotoFailure(
-                name, "unreadable", f"{name} is not a regular file; remove it."
-            )
-        if info.st_size == 0:
-            return PhotoFailure(
-                name,
-                "unreadable",
-                f"{name} is empty (zero bytes); copy it again.",
-            )
-        if info.st_size > MAX_FILE_BYTES:
-            return PhotoFailure(
-                name,
-                "too_large",
-                f"{name} has {info.st_size / 1e6:.0f} MB, more than "
-                f"{MAX_FILE_BYTES / 1e6:.0f}; save it smaller.",
-            )
-        return np.fromfile(path, np.uint8)
-    except (OSError, ValueError) as error:
-        why = _why(error) if isinstance(error, OSError) else str(error)
-        return PhotoFailure(
-            name,
-            "unreadable",
-            f"{name} cannot be opened ({why}); check the file and its permissions.",
-        )
-
-
-def _judge_header(header: ImageHeader | None, name: str) -> PhotoFailure | None:
-    if header is None:
-        return PhotoFailure(
-            name,
-            "unreadable",
-            f"{name} is not a picture, whatever its name says; remove it.",
-        )
-    if header.format not in READABLE:
-        return PhotoFailure(
-            name,
-            "unreadable",
-            f"{name} is a {header.format} picture, which cannot be read here; "
-            "export it as JPEG or PNG.",
-        )
-    if min(header.width, header.height) < MIN_SIDE:
-        return PhotoFailure(
-            name,
-            "unreadable",
-            f"{name} has only {header.width} x {header.height} pixels, too few "
-            "for a face; use the original picture.",
-        )
-    decoded = header.pixels * max(header.bytes_per_pixel, 3)
-    if header.pixels > MAX_PIXELS or decoded > MAX_DECODED_BYTES:
-        return PhotoFailure(
-            name,
-            "too_large",
-            f"{name} has {header.width} x {header.height} pixels, more than can "
-            f"be read ({MAX_PIXELS // 10**6} megapixels of 8 bits); save it smaller.",
-        )
-    return None
-
-
 def _reduced(width: int, height: int, reduction: int) -> tuple[int, int]:
     return -(-width // reduction), -(-height // reduction)
-
-
-def _decode(data: np.ndarray, reduction: int) -> np.ndarray | None:
-    # COLOR applies the EXIF turn and gives three channels; ANYDEPTH keeps 16 bits.
-    flags = _REDUCED[reduction] | cv2.IMREAD_ANYDEPTH
-    try:
-        with _quiet():
-            pixels = cv2.imdecode(data, flags)
-    except (cv2.error, MemoryError):
-        return None
-    if pixels is None or pixels.ndim != 3 or pixels.size == 0:
-        return None
-    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """OpenCV warns on stderr about each damaged file; we say it in the report."""
-    logging = getattr(getattr(cv2, "utils", None), "logging", None)
-    if logging is None:
-        yield
-        return
-    level = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        logging.setLogLevel(level)
 
 
 def _from_array(array: np.ndarray, name: str) -> Photo | PhotoFailure:

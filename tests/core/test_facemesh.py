@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import Cancelled, ReconstructionError
-from bsface.evidence import facemesh
-from bsface.evidence.facemesh import FaceMesh, ModelFiles, find_models, user_cache
+from bsface.evidence import crops, face_models, facemesh
+from bsface.evidence.face_models import ModelFiles, find_models, user_cache
+from bsface.evidence.facemesh import FaceMesh
 from bsface.evidence.photos import list_photos, read_photo
 from bsface.surface.template import load_template
 
@@ -77,11 +78,11 @@ def test_crop_samples_the_pixels_that_it_says():
     """A ramp seen through a turned crop is the coordinate that to_image gives."""
     y, x = np.mgrid[:200, :240]
     ramp = np.stack([x, y, 0 * x], axis=-1).astype(np.uint8)
-    levels = facemesh._pyramid(ramp)
+    levels = crops.pyramid(ramp)
     assert max(levels[-1].shape) <= facemesh.DETECTOR_SIDE
     for side in (40.0, 100.0, 150.0):
-        crop = facemesh._Crop(np.array([115.0, 97.0]), side, 0.3)
-        sample = facemesh._sample(levels, crop, 32)
+        crop = crops.Crop(np.array([115.0, 97.0]), side, 0.3)
+        sample = crops.sample(levels, crop, 32)
         index = np.stack(np.meshgrid(np.arange(32), np.arange(32)), axis=-1)
         xy = crop.to_image((index + 0.5).reshape(-1, 2), 32).reshape(32, 32, 2)
         # Half a grey value of rounding in each level and once more in the end.
@@ -91,7 +92,7 @@ def test_crop_samples_the_pixels_that_it_says():
 
 def test_windows_cover_the_picture_with_overlap():
     for level in (1, 2, 4, 8, 16):
-        windows = facemesh._windows(640, 400, (level,))
+        windows = crops.windows_of(640, 400, (level,))
         for axis, length in enumerate((640, 400)):
             at = np.unique([w.centre[axis] for w in windows])
             side = windows[0].side
@@ -141,7 +142,7 @@ def test_network_alone_is_not_mirror_symmetric(mesh):
     bias = []
     for path in list_photos(PHOTOS)[:6]:
         image = read_photo(path).pixels
-        levels = facemesh._pyramid(image)
+        levels = crops.pyramid(image)
         (face,) = mesh.detect_faces(image)
         direct, mirrored = mesh._mesh_on(levels, [face.crop])[0]
         along = (direct - mirrored) @ face.crop.axes()[:, 0] / 2
@@ -298,15 +299,15 @@ def test_search_order_of_models(tmp_path, monkeypatch):
     monkeypatch.setenv("BSFACE_MODELS", str(tmp_path / "env"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert user_cache() == tmp_path / "cache" / "bsface"
-    folders = facemesh.model_folders()
+    folders = face_models.model_folders()
     assert folders[0] == tmp_path / "env"
     assert folders[-1] == tmp_path / "cache" / "bsface" / "models"
-    for name in (facemesh.DETECTOR_FILE, facemesh.MESH_FILE):
+    for name in (face_models.DETECTOR_FILE, face_models.MESH_FILE):
         for folder in (folders[0], folders[-1]):
             folder.mkdir(parents=True, exist_ok=True)
             (folder / name).touch()
     assert find_models().mesh.parent == tmp_path / "env"
-    (tmp_path / "env" / facemesh.MESH_FILE).unlink()
+    (tmp_path / "env" / face_models.MESH_FILE).unlink()
     assert find_models().mesh.parent != tmp_path / "env"
 
 

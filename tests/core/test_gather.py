@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import Cancelled, PhotoFailure, ReconstructionError
-from bsface.evidence.facemesh import find_models
+from bsface.evidence.face_models import find_models
 from bsface.evidence.gather import gather
 from bsface.evidence.landmarks import Landmarks, write_landmarks
 from bsface.evidence.photos import list_photos, read_photo
@@ -284,7 +284,7 @@ def test_no_photos_given(photos):
 
 def test_missing_models_end_the_job_with_the_remedy(tmp_path, monkeypatch, picture):
     monkeypatch.setattr(
-        "bsface.evidence.facemesh.model_folders", lambda folder=None: (tmp_path,)
+        "bsface.evidence.face_models.model_folders", lambda folder=None: (tmp_path,)
     )
     with pytest.raises(ReconstructionError, match="setup"):
         gather([picture])
