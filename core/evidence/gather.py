@@ -15,12 +15,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import PhotoFailure, ReconstructionError
 from ..progress import Progress, Step
+from ..settings import Settings
 from ..surface.template import Template, load_template
 from .choose import Candidate, choose_faces
 from .face_models import ModelFiles
@@ -35,9 +35,6 @@ from .landmarks import (
 from .photos import Photo, cut, list_photos, read_photo
 from .plausible import FaceFit, fit_face, judge_fit
 from .quality import judge_quality
-
-if TYPE_CHECKING:
-    from ..settings import Settings
 
 # The cut-out is the box of all the face's landmarks, so much larger.
 BOX_FACTOR = 1.45
@@ -101,12 +98,13 @@ def gather(
     ReconstructionError
         If there are no photos, no model files, or no photo can be used.
     """
+    settings = settings or Settings()
     template = template or load_template()
     sources = _sources(photos)
     reader = _Reader(
         template,
-        getattr(settings, "landmarks", "468"),
-        getattr(settings, "detector", True),
+        settings.landmarks,
+        settings.detector,
         dict(landmarks or {}),
         models,
     )

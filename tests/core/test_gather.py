@@ -3,7 +3,6 @@
 import json
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -13,13 +12,14 @@ from bsface.evidence.face_models import find_models
 from bsface.evidence.gather import gather
 from bsface.evidence.landmarks import Landmarks, write_landmarks
 from bsface.evidence.photos import list_photos, read_photo
+from bsface.settings import Settings
 from bsface.surface.template import load_template
 
 ROOT = Path(__file__).resolve().parents[2]
 PHOTOS = ROOT / "examples" / "photos"
 LFW = ROOT.parent / "shared" / "photos" / "lfw"
 TEMPLATE = load_template()
-NO_DETECTOR = SimpleNamespace(landmarks="468", detector=False)
+NO_DETECTOR = Settings(landmarks="468", detector=False)
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_sixteen_bits_and_grey(models, picture):
 @pytest.mark.parametrize("scheme", ["68", "40"])
 def test_setting_selects_the_scheme(models, picture, scheme):
     whole = gather([picture]).landmarks[0]
-    part = gather([picture], SimpleNamespace(landmarks=scheme, detector=True))
+    part = gather([picture], Settings(landmarks=scheme, detector=True))
     assert part.landmarks[0].scheme == scheme
     np.testing.assert_array_equal(
         part.landmarks[0].points, whole.points[TEMPLATE.schemes[scheme]]
