@@ -114,7 +114,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write(f"bsface: {error}\n")
         return 2
     try:
-        from .output.formats import write_face
+        from .output.formats import export
 
         result = reconstruct(
             args.photos,
@@ -124,7 +124,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             ignore=args.ignore,
         )
         for name in args.output:
-            write_face(Path(name), result)
+            export(name, result)
         if args.report:
             from .output.report import write_report
 

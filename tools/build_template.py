@@ -32,10 +32,6 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
-from scipy.spatial import cKDTree
-
 from parametrise import (
     RECTANGLE,
     azimuthal,
@@ -44,6 +40,9 @@ from parametrise import (
     folded,
     largest_component,
 )
+from scipy import sparse
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
 
 ROOT = Path(__file__).resolve().parents[1]
 WHEEL = "makehuman-1.3.2-py3-none-any.whl"
@@ -91,8 +90,8 @@ def triangle_samples(uv: np.ndarray, tri: np.ndarray, per_edge: int = 4):
 def fit_operator(shape, S, uv, weight, bending):
     """Matrix that fits control points (Eq. 5) to values at the patch vertices."""
     sys.path.insert(0, str(ROOT))
-    from core.surface.bspline import basis_matrix
     from core.surface.bending import bending_matrix
+    from core.surface.bspline import basis_matrix
 
     T = basis_matrix(shape, *uv.T)
     W = sparse.diags_array(weight / weight.sum())
@@ -103,7 +102,7 @@ def fit_operator(shape, S, uv, weight, bending):
 
 def fill(triangles, count, known, values):
     """Harmonic interpolation of ``values`` at the vertices ``known`` to the mesh."""
-    e = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    e = np.concatenate([triangles[:, k] for k in ([0, 1], [1, 2], [2, 0])])
     A = sparse.coo_array((np.ones(len(e)), (e[:, 0], e[:, 1])), shape=(count, count))
     A = ((A + A.T) > 0).astype(float).tocsr()
     L = sparse.diags_array(np.asarray(A.sum(1)).ravel()) - A
@@ -218,7 +217,8 @@ def sample_identities(morphs: Morphs, rng, count: int):
     )
     pairs = axes(
         morphs.names(
-            "head", "forehead", "nose", "eyes", "cheek", "mouth", "chin", "eyebrows", "asym"
+            *("head", "forehead", "nose", "eyes", "cheek"),
+            *("mouth", "chin", "eyebrows", "asym"),
         )
         + ["neck/neck-double-decr", "neck/neck-double-incr"]
     )

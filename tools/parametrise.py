@@ -13,14 +13,14 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-CENTRE = np.array([0.0, -25.0, -45.0])  # mm, behind the nose at the height of the cheeks
+CENTRE = np.array([0.0, -25.0, -45.0])  # mm, inside the head behind the nose
 RECTANGLE = (-90.0, 90.0, -88.0, 58.0)  # degrees: left, right, below, above
 # Down to the throat: photos see it, and a surface that ends at the chin cannot be
 # aligned with one that does not.
 
 
 def azimuthal(points: np.ndarray) -> np.ndarray:
-    """Angles (degrees) of points about `CENTRE`, equidistant from the +z axis, (n, 2)."""
+    """Angles (degrees) about `CENTRE`, equidistant from the +z axis, (n, 2)."""
     q = points - CENTRE
     theta = np.degrees(np.arctan2(np.hypot(q[:, 0], q[:, 1]), q[:, 2]))
     phi = np.arctan2(q[:, 1], q[:, 0])
@@ -89,7 +89,7 @@ def largest_component(triangles, count, seed):
 def boundary_vertices(triangles) -> np.ndarray:
     """Vertices on edges that only one triangle has."""
     e = np.sort(
-        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]),
+        np.concatenate([triangles[:, k] for k in ([0, 1], [1, 2], [2, 0])]),
         axis=1,
     )
     edge, times = np.unique(e, axis=0, return_counts=True)

@@ -47,10 +47,10 @@ def shortcomings(poses: Array, singular_values: Array | None = None) -> tuple[st
                 f"No photo shows the head turned to the {side} of the picture; add one "
                 f"turned by 20 to 40 degrees, or the {way} cheek stays a guess."
             )
-    if singular_values is not None and len(singular_values) > 1 and n > 2:
-        if singular_values[1] < FLAT_LIGHT:
-            out.append(
-                "The light hardly differs between the photos, so shading adds little; "
-                "add photos with light from other sides."
-            )
+    spread = 1.0 if singular_values is None else float(singular_values[1:2].sum())
+    if n > 2 and spread < FLAT_LIGHT:
+        out.append(
+            "The light hardly differs between the photos, so shading adds little; add "
+            "photos with light from other sides."
+        )
     return tuple(out)

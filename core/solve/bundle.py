@@ -3,8 +3,8 @@
 The paper alternates pose estimation and the warp of Eq. 8.  Here poses, perspective and
 the 3D positions of the landmarks are one Gauss-Newton problem under the shape prior,
 and the surface follows the landmarks by conditioning that prior on them (Eq. 8 with
-``K`` replaced by the prior's precision).  Each landmark has an offset of its own, common
-to all photos, because a detector places it a little elsewhere on every face.
+``K`` replaced by the prior's precision).  Each landmark has an offset of its own,
+common to all photos, because a detector places it a little elsewhere on every face.
 """
 
 from __future__ import annotations

@@ -56,7 +56,11 @@ class Level:
 class JointOptions:
     """Weights of the joint refinement."""
 
-    levels: tuple[Level, ...] = (Level(3.0, 5, 45), Level(1.6, 5, 55), Level(1.0, 6, 60))
+    levels: tuple[Level, ...] = (
+        Level(3.0, 5, 45),
+        Level(1.6, 5, 55),
+        Level(1.0, 5, 60),
+    )
     noise: float = 0.06  #: Cauchy scale of intensities, of the photo's median
     independence: float = 0.1  #: share of the samples that count as independent
     landmark_mm: float = 1.5  #: standard deviation of a landmark in one photo
@@ -242,10 +246,10 @@ def refine(
                 + ((d + D @ a)[:, None] * directions).reshape(*shape, 3)
             )
             residual = np.sqrt((W * r**2).sum() / max(W.sum(), 1e-30))
-            final = number == len(options.levels) - 1 and turn_number == level.iterations - 1
             deviation = None
-            if final:
-                deviation = _deviation(solve, Z[:, : len(a)], Z[:, len(a) : -1], schur, D)
+            if (number, turn_number + 1) == (len(options.levels) - 1, level.iterations):
+                own_Z, photo_Z = Z[:, : len(a)], Z[:, len(a) : -1]
+                deviation = _deviation(solve, own_Z, photo_Z, schur, D)
             yield JointState(
                 surface, tuple(cameras), uv, albedo, lights, W, float(residual),
                 damp * size, number, d, a, value, r, deviation,

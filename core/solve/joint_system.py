@@ -45,7 +45,8 @@ def read_photos(
     by_displacement : (n, p) array
     """
     n, p = view.shape
-    value, rows, along = np.zeros((n, p)), np.zeros((n, p, PARAMETERS)), np.zeros((n, p))
+    value, along = np.zeros((n, p)), np.zeros((n, p))
+    rows = np.zeros((n, p, PARAMETERS))
     for i, (field, camera) in enumerate(zip(fields, cameras, strict=True)):
         pixels, J, C = camera.jacobians(X)
         v, g, inside = field.read(pixels)
@@ -106,7 +107,9 @@ def normal_equations(
         :, None, None
     ]
     S = [
-        T[a].T @ sparse.diags_array(A[:, a, b]) @ T[b] for a in range(3) for b in range(3)
+        T[a].T @ sparse.diags_array(A[:, a, b]) @ T[b]
+        for a in range(3)
+        for b in range(3)
     ]
     right = -np.einsum("ipa,ip->pa", Wc, r)
     gd = sum(T[a].T @ right[:, a] for a in range(3))

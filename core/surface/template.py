@@ -94,7 +94,10 @@ class Template:
         fields["surface"] = self.surface.resampled(shape)
         for name in ("identity_modes", "expression_modes"):
             fields[name] = np.stack(
-                [BSplineSurface(d).resampled(shape).control_points for d in fields[name]]
+                [
+                    BSplineSurface(d).resampled(shape).control_points
+                    for d in fields[name]
+                ]
             )
         return Template(**fields)
 
