@@ -141,7 +141,7 @@ def bake_texture(
     measured = seen > 0.06 * np.percentile(seen, 90)
     counts = (weight > 0.15 * np.percentile(weight, 99)).sum(axis=0)
     average = weight
-    weight = _sharpened(weight, agreement, coarse, base)
+    weight = _sharpened(weight, agreement, coarse, base, _frontality(cameras))
     total = np.maximum(weight.sum(axis=0), 1e-12)[..., None]
     base = _fill((weight[..., None] * coarse).sum(axis=0) / total, measured)
     tell(0.3)
@@ -274,7 +274,11 @@ def _weighted_median(values: Picture, weight: Picture) -> Picture:
 
 
 def _sharpened(
-    weight: Picture, agreement: Picture, delit: Picture, base: Picture
+    weight: Picture,
+    agreement: Picture,
+    delit: Picture,
+    base: Picture,
+    frontality: npt.NDArray[np.float64],
 ) -> Picture:
     """Weights that pick one photo where details disagree and average elsewhere.
 
@@ -295,13 +299,22 @@ def _sharpened(
     # One order of the photos for all such places: else an eye would be put together
     # from several gazes, or the two eyes would look in different directions.
     share = rise / max(float(rise.sum()), 1e-9)
-    score = (weight * agreement * share).sum(axis=(1, 2))
+    score = (weight * agreement * share).sum(axis=(1, 2)) * frontality
     sees = weight / (weight + 0.2 * weight.max(axis=(1, 2), keepdims=True) + 1e-12)
     typical = score[:, None, None] / max(float(score.max()), 1e-12)
     near = np.stack([_blurred(a, 170) for a in agreement])
     quality = weight * near * (1 - rise) + typical * sees * total * rise
     best = np.maximum(quality.max(axis=0), 1e-12)
     return ((quality / best) ** power * best).astype(np.float32)
+
+
+def _frontality(cameras: Any) -> npt.NDArray[np.float64]:
+    """(n,) 1 for a frontal photo, falling with the angle.
+
+    People look at the camera: eyes that are to look straight ahead are those of a
+    frontal photo.
+    """
+    return np.array([max(float(camera.R[2, 2]), 0.05) ** 10 for camera in cameras])
 
 
 def _blurred(picture: Picture, part: float) -> Picture:

@@ -1,0 +1,192 @@
+"""The page: self-contained, complete, honest about what is missing."""
+
+import dataclasses
+import html.parser
+import json
+
+import cv2
+import numpy as np
+import pytest
+from bsface.errors import ReconstructionError
+from bsface.output import maps, plots, report
+from fake_face import (
+    PhotoReport,
+    bare_reconstruction,
+    face_surface,
+    painted_reconstruction,
+)
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Page(html.parser.HTMLParser):
+    """Collects what a page refers to, and checks that its tags close."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.sources, self.open, self.words = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        if tag not in VOID:
+            self.open.append(tag)
+        for name, value in attributes:
+            if name in ("src", "href", "srcset", "action"):
+                self.sources.append(value)
+
+    def handle_startendtag(self, tag, attributes):
+        pass
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+@pytest.fixture(scope="module")
+def face():
+    painted = painted_reconstruction(5)
+    failures = (
+        PhotoReport(
+            "<b>&.jpg", "no_face", "<b>&.jpg: no face was found.", *[np.nan] * 6
+        ),
+    )
+    return dataclasses.replace(painted, reports=painted.reports + failures)
+
+
+@pytest.fixture(scope="module")
+def written(face, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    return report.write_report(folder / "face.html", face)
+
+
+def test_page_needs_nothing_from_outside(written):
+    text = written.read_text("utf-8")
+    page = Page(text)
+    assert not page.open
+    assert page.sources and all(s.startswith("data:image/") for s in page.sources)
+    assert "<script" not in text and "@import" not in text and "url(" not in text
+    assert "http:" not in text and "https:" not in text
+
+
+def test_every_photo_is_there_with_its_reason(written, face):
+    words = " ".join(Page(written.read_text("utf-8")).words)
+    for entry in face.reports:
+        assert entry.name in words and entry.reason in words
+    assert "5 of 6" in words and face.warnings[0] in words
+
+
+def test_json_says_the_same(written, face):
+    facts = json.loads(written.with_suffix(".json").read_text("utf-8"))
+    assert facts["photos"] == {"all": 6, "used": 5}
+    assert [e["name"] for e in facts["report"]] == [e.name for e in face.reports]
+    assert facts["report"][-1]["yaw"] is None
+    assert facts["settings"] == face.settings.to_dict()
+    np.testing.assert_allclose(facts["cameras"][2]["R"], face.cameras[2].R)
+    assert {"bsface", "numpy", "python"} <= set(facts["versions"])
+    assert facts["seconds"] == {"photos": 1.5, "refine": 3.0}
+
+
+def test_sheet_is_a_picture(written):
+    sheet = cv2.imread(str(written.with_suffix(".png")))
+    assert sheet.shape[1] == 1280 and (sheet != 255).mean() > 0.15
+    assert len(list(written.parent.iterdir())) == 3
+
+
+def test_equal_runs_give_equal_pages(face, tmp_path):
+    later = dataclasses.replace(face, seconds={"photos": 99.0})
+    pages = [
+        report.write_report(
+            tmp_path / f"{i}.html",
+            r,
+            title="face",
+            timings=False,
+            textured=False,
+            companions=False,
+        ).read_bytes()
+        for i, r in enumerate((face, later))
+    ]
+    assert pages[0] == pages[1]
+
+
+def test_what_is_not_known_is_left_out(tmp_path):
+    path = report.write_report(tmp_path / "bare", bare_reconstruction())
+    assert path.name == "bare.html"
+    text = path.read_text("utf-8")
+    for heading in ("Photos", "Coverage", "Convergence", "Texture", "trust"):
+        assert f">{heading}" not in text
+    assert "Depth and its derivatives" in text and not Page(text).open
+
+
+def test_folder_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ReconstructionError, match="cannot be written"):
+        report.write_report(tmp_path / "file" / "a.html", bare_reconstruction())
+
+
+# --------------------------------------------------------------------- maps
+def test_derivative_maps_are_the_derivatives():
+    surface, h = face_surface(), 1e-4
+    found = maps.derivative_maps(surface, 9)
+    at = (np.arange(9) + 0.5) / 9
+    u, v = np.meshgrid(at, at)
+
+    def z(du=0.0, dv=0.0):
+        return surface.evaluate(u + du, v + dv)[..., 2]
+
+    np.testing.assert_allclose(found["z"], z())
+    numeric = {
+        "z_u": (z(h) - z(-h)) / (2 * h),
+        "z_v": (z(0, h) - z(0, -h)) / (2 * h),
+        "z_uu": (z(h) - 2 * z() + z(-h)) / h**2,
+        "z_vv": (z(0, h) - 2 * z() + z(0, -h)) / h**2,
+        "z_uv": (z(h, h) - z(h, -h) - z(-h, h) + z(-h, -h)) / (4 * h**2),
+    }
+    for name, expected in numeric.items():
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(found[name], expected, atol=2e-2 * scale)
+
+
+def test_confidence_map_of_a_constant_is_constant():
+    np.testing.assert_allclose(maps.confidence_map(np.full((8, 9), 0.7), 12), 0.7)
+
+
+def test_residual_map_ignores_rejected_samples(face):
+    evidence = face.photometric
+    assert maps.residual_map(evidence) is None
+    evidence = dataclasses.make_dataclass("E", ["uv", "weights", "residual"])(
+        evidence.uv, np.ones((2, 50)), np.full((2, 50), 0.1)
+    )
+    evidence.weights[1], evidence.residual[1] = 0, 9.0
+    found = maps.residual_map(evidence)
+    np.testing.assert_allclose(found[np.isfinite(found)], 0.1)
+
+
+# -------------------------------------------------------------------- plots
+def test_light_directions_point_to_the_light():
+    lights = np.zeros((3, 9))
+    lights[:, 0] = 1
+    lights[0, 3], lights[1, 1], lights[2, 2] = 0.5, 0.5, 0.5
+    directions, strength = plots.light_directions(lights)
+    np.testing.assert_allclose(directions[:, 1], [0, 90, 90], atol=1e-6)
+    np.testing.assert_allclose(directions[1:, 0], [0, np.pi / 2])
+    np.testing.assert_allclose(strength, 0.5)
+
+
+def test_pose_zones_count_each_photo_once():
+    rng = np.random.default_rng(1)
+    yaw, pitch = rng.uniform(-74, 74, 200), rng.uniform(-39, 39, 200)
+    zones = plots.pose_zones(yaw, pitch)
+    assert len(zones) == 9 and sum(z[-1] for z in zones) == 200
+
+
+@pytest.mark.parametrize(
+    "values", [[3.0], [0.5, 0.5], [1e-6, 2e-6], [0.0606, 0.044], [0.0]]
+)
+def test_convergence_plot_takes_any_history(values):
+    history = [{"stage": "a", "residual": v} for v in values]
+    history += [{"stage": "b"}, {"stage": "a", "residual": None}]
+    assert plots.stage_residuals(history, "a") == values
+    drawn = plots.convergence_plot(history, "a")
+    assert drawn.count("<circle") == len(values) and "nan" not in drawn
