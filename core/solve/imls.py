@@ -93,14 +93,14 @@ class Limits:
     Parameters
     ----------
     outer, shading, motion : int
-        Most turns of each loop.  With known normals the alternation of Eq. 6 and 7
-        creeps after a few turns, that of pose and warp needs 15 to 20.
+        Most turns of each loop.  The alternation of Eq. 6 and 7 creeps after a few
+        turns, that of pose and warp needs 15 to 20.
     outer_mm, shading_mm, motion_mm : float
         A loop has converged when its surface moves less than this, root mean square.
         0.03 mm is a tenth of the accuracy of good normals on a face.
     """
 
-    outer: int = 4
+    outer: int = 3
     shading: int = 5
     motion: int = 20
     outer_mm: float = 0.03

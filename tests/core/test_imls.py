@@ -8,6 +8,7 @@ from bsface.errors import PhotoFailure, ReconstructionError
 from bsface.evidence.camera import Camera
 from bsface.solve.imls import Limits, NormalField, imls, paper_steps
 from bsface.solve.motion_paper import LandmarkObservations
+from bsface.solve.shading import ShadingParameters
 from bsface.surface.bspline import BSplineSurface
 from scipy.spatial.transform import Rotation
 
@@ -47,7 +48,12 @@ def case():
     # Ambient above direct light: no shadow, so rank 4 is exact.
     M = 1.2 + direction @ normals.T
     steps = paper_steps(
-        landmarks, SHAPE, uv, lambda surface, cameras: (M, np.ones_like(M)), zeta=1e-5
+        landmarks,
+        SHAPE,
+        uv,
+        lambda surface, cameras: (M, np.ones_like(M)),
+        zeta=1e-5,
+        shading=ShadingParameters(lam=1.0),
     )
     return template, truth, uv, steps, normals
 
