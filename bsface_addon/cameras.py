@@ -14,12 +14,13 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+
+from . import rig
+from .rig import PHOTO_KEY
 
 # An orthographic camera has no place along its axis; it must stand before the face.
 ORTHOGRAPHIC_DISTANCE_MM = 1000.0
 SENSOR_MM = 36.0
-PHOTO_KEY = "bsface_photo"
 SIZE_KEY = "bsface_photo_size"
 
 
@@ -81,7 +82,7 @@ def set_lens(data, camera, size, unit):
 def add(face, name, camera, photo, collection):
     """Add the camera of one photo.
 
-    It is a child of the face, so that both move together, but keeps scale 1.
+    It moves together with the face, but keeps scale 1.
 
     Parameters
     ----------
@@ -98,11 +99,7 @@ def add(face, name, camera, photo, collection):
     set_lens(data, camera, photo.size, unit)
     obj = bpy.data.objects.new(name, data)
     collection.objects.link(obj)
-    obj.parent = face
-    obj.matrix_parent_inverse = Matrix.Scale(1 / unit, 4)
-    pose = Matrix(camera_to_head(camera, photo.size))
-    pose.translation *= unit
-    obj.matrix_basis = pose
+    rig.attach(obj, face, camera_to_head(camera, photo.size))
     obj[PHOTO_KEY] = photo.name
     obj[SIZE_KEY] = [int(photo.size[0]), int(photo.size[1])]
     background(data, photo)
@@ -121,7 +118,8 @@ def background(data, photo):
     slot.display_depth = "BACK"
     slot.frame_method = "FIT"
     angle, flip = orientation(photo.path)
-    slot.rotation, slot.use_flip_x = angle, flip
+    # Blender turns the background clockwise.
+    slot.rotation, slot.use_flip_x = (2 * math.pi - angle) % (2 * math.pi), flip
     if round(math.degrees(angle)) % 180:
         # FIT fits the unturned picture into the frame; after a quarter turn its
         # longer side has to reach the frame's longer side again.
@@ -165,8 +163,7 @@ def orientation(path):
 
 def of_face(face):
     """The face's cameras, in the order of their photos' names."""
-    found = [obj for obj in face.children if obj.type == "CAMERA" and PHOTO_KEY in obj]
-    return sorted(found, key=lambda obj: obj.name)
+    return rig.members(face, "CAMERA")
 
 
 def look_through(context, camera, switch_views=True):

@@ -19,6 +19,7 @@ import json
 import os
 import sys
 import time
+import traceback
 from pathlib import Path
 
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
@@ -429,7 +430,12 @@ def _as_script():
     else:
         # Inside Blender all arguments before "--" are Blender's own.
         given = [] if bpy.app.binary_path else sys.argv[1:]
-    code = module.main(given)
+    try:
+        code = module.main(given)
+    except Exception:
+        # A fault of ours: the trace is for the report.
+        traceback.print_exc()
+        code = FAILED
     sys.stdout.flush()
     sys.stderr.flush()
     if not bpy.app.binary_path:

@@ -86,6 +86,7 @@ def open_editor(context, photo, landmarks, lines):
         other.select_set(other == obj)
     context.view_layer.objects.active = obj
     bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="DESELECT")
     context.tool_settings.mesh_select_mode = (True, False, False)
     return obj
 

@@ -12,7 +12,11 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-PHOTO_KEY = "bsface_photo"
+from . import rig
+from .rig import PHOTO_KEY
+
+# Where a sun is drawn; its light does not depend on it.
+DISTANCE_MM = 400.0
 
 
 def sun(coefficients):
@@ -39,21 +43,17 @@ def sun(coefficients):
 
 
 def add(face, name, coefficients, photo_name, collection):
-    """Add one sun, switched off, as a child of the face."""
+    """Add one sun, switched off; it moves together with the face."""
     direction, energy = sun(coefficients)
     data = bpy.data.lights.new(name, "SUN")
     data.energy = energy
     data.angle = math.radians(10)
     obj = bpy.data.objects.new(name, data)
     collection.objects.link(obj)
-    unit = face.matrix_world.to_scale().x
-    obj.parent = face
-    obj.matrix_parent_inverse = Matrix.Scale(1 / unit, 4)
     towards = Vector(direction)
     # A sun shines along its local -z.
-    obj.matrix_basis = Matrix.Translation(towards * 400 * unit) @ (
-        towards.to_track_quat("Z", "Y").to_matrix().to_4x4()
-    )
+    turn = towards.to_track_quat("Z", "Y").to_matrix().to_4x4()
+    rig.attach(obj, face, Matrix.Translation(towards * DISTANCE_MM) @ turn)
     obj[PHOTO_KEY] = photo_name
     switch(obj, False)
     return obj
@@ -61,8 +61,7 @@ def add(face, name, coefficients, photo_name, collection):
 
 def of_face(face):
     """The face's suns, in the order of their photos' names."""
-    found = [obj for obj in face.children if obj.type == "LIGHT" and PHOTO_KEY in obj]
-    return sorted(found, key=lambda obj: obj.name)
+    return rig.members(face, "LIGHT")
 
 
 def switch(obj, on):

@@ -79,7 +79,6 @@ KEY = "Shape key {name} made"
 WROTE = "Wrote {path}"
 COPIED = "The information is in the clipboard; paste it into your report"
 NO_SUCH_FILES = "The photos of {name} are not where they were; add them to the list"
-COUNTS = "{all} photos: {use} ticked, {used} used, {failed} with faults"
 CAPTURE = (
     "10 to 40 sharp photos of one person with a calm face: from the front, and up to "
     "45 degrees from either side.",
@@ -103,6 +102,18 @@ UNEXPECTED = (
     "information at the end of the panel into a report"
 )
 BAD_SETTINGS = "The settings are not usable: {why}"
+
+
+def counts(numbers):
+    """The line over the photo list; what is zero or goes without saying is left out."""
+    parts = [f"{numbers['all']} photos"]
+    if numbers["use"] < numbers["all"]:
+        parts.append(f"{numbers['use']} ticked")
+    if numbers["used"]:
+        parts.append(f"{numbers['used']} used")
+    if numbers["failed"]:
+        parts.append(f"{numbers['failed']} with faults")
+    return ", ".join(parts)
 
 
 def added(count, given):

@@ -70,9 +70,15 @@ class BSFACE_MT_photos(bpy.types.Menu):
 
 
 class BSFacePanel:
+    """Hidden while landmarks are edited: then only their panel shows."""
+
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "BSface"
+
+    @classmethod
+    def poll(cls, context):
+        return landmark_editor.editor() is None
 
 
 class FacePanel(BSFacePanel):
@@ -82,7 +88,27 @@ class FacePanel(BSFacePanel):
 
     @classmethod
     def poll(cls, context):
-        return scene.active_face(context) is not None
+        return super().poll(context) and scene.active_face(context) is not None
+
+
+class BSFACE_PT_editing(bpy.types.Panel):
+    bl_label = "Edit Landmarks"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "BSface"
+
+    @classmethod
+    def poll(cls, context):
+        return landmark_editor.editor() is not None
+
+    def draw(self, context):
+        layout = self.layout
+        paragraph(context, layout, messages.EDITING)
+        row = layout.row(align=True)
+        row.scale_y = 1.5
+        row.operator("bsface.landmarks_done", icon="CHECKMARK").keep = True
+        stop = row.operator("bsface.landmarks_done", text="Cancel", icon="X")
+        stop.keep = False
 
 
 class BSFACE_PT_photos(BSFacePanel, bpy.types.Panel):
@@ -99,7 +125,7 @@ class BSFACE_PT_photos(BSFacePanel, bpy.types.Panel):
                 paragraph(context, layout, line)
             return
         numbers = photo_list.counts(state)
-        layout.label(text=messages.COUNTS.format(**numbers), translate=False)
+        layout.label(text=messages.counts(numbers), translate=False)
         row = layout.row()
         row.template_list(
             "BSFACE_UL_photos", "", state, "photos", state, "active_photo", rows=6
@@ -134,18 +160,10 @@ class BSFACE_PT_landmarks(BSFacePanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context):
-        return bool(context.scene.bsface.photos) or landmark_editor.editor() is not None
+        return super().poll(context) and bool(context.scene.bsface.photos)
 
     def draw(self, context):
         layout = self.layout
-        if landmark_editor.editor() is not None:
-            paragraph(context, layout, messages.EDITING)
-            row = layout.row(align=True)
-            row.scale_y = 1.5
-            row.operator("bsface.landmarks_done", icon="CHECKMARK").keep = True
-            stop = row.operator("bsface.landmarks_done", text="Cancel", icon="X")
-            stop.keep = False
-            return
         layout.operator("bsface.landmarks_detect", icon="VIEWZOOM")
         state = context.scene.bsface
         if not 0 <= state.active_photo < len(state.photos):
@@ -378,6 +396,7 @@ def paragraph(context, layout, text, icon="NONE"):
 CLASSES = (
     BSFACE_UL_photos,
     BSFACE_MT_photos,
+    BSFACE_PT_editing,
     BSFACE_PT_photos,
     BSFACE_PT_landmarks,
     BSFACE_PT_reconstruct,

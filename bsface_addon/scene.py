@@ -13,7 +13,7 @@ import math
 import bpy
 from mathutils import Quaternion, Vector
 
-from . import cameras, face_file, lights, material, surface_object
+from . import cameras, face_file, lights, material, rig, surface_object
 
 # Custom properties of the face object; JSON texts, so that they read the same in
 # every version and outside Blender.
@@ -72,6 +72,7 @@ def place(context, result, name, *, face=None, scale=1.0, maps=None):
         else:
             own = _home(context, face)
         context.view_layer.update()
+        rig.ensure(face, own)
         _add_cameras(face, result, own)
         _add_lights(face, result, own)
         for kind, pixels in (maps or {}).items():
@@ -104,8 +105,9 @@ def active_face(context):
     active = context.view_layer.objects.active
     if is_face(active):
         return active
-    if active is not None and is_face(active.parent):
-        return active.parent
+    home = None if active is None else rig.face_of(active)
+    if is_face(home):
+        return home
     chosen = getattr(context.scene, "bsface", None)
     if chosen is None or not is_face(chosen.face):
         return None
@@ -169,6 +171,9 @@ def remove_face(context, face):
         if slot.image is not None
     ]
     _remove([*cameras.of_face(face), *lights.of_face(face)])
+    empty = rig.find(face)
+    if empty is not None:
+        bpy.data.objects.remove(empty)
     curve = face.data
     bpy.data.objects.remove(face)
     if curve.users == 0:
@@ -254,6 +259,18 @@ def select_only(context, face):
     for obj in context.view_layer.objects:
         obj.select_set(obj == face)
     context.view_layer.objects.active = face
+
+
+def show(context, face):
+    """Bring the face and its texture into sight in the 3D views of the window."""
+    for area in context.window.screen.areas:
+        if area.type != "VIEW_3D":
+            continue
+        if area.spaces.active.shading.type == "SOLID":
+            area.spaces.active.shading.color_type = "TEXTURE"
+        region = next(r for r in area.regions if r.type == "WINDOW")
+        with context.temp_override(area=area, region=region):
+            bpy.ops.view3d.view_selected()
 
 
 def present(context, face):

@@ -80,6 +80,8 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         face = None if separate else scene.active_face(context)
         face = pipeline.deliver(context, request, outcome, face=face, scale=state.size)
         state.face = face
+        if not bpy.app.background:
+            scene.show(context, face)
         if self.directory:
             photo_list.replace(state, request.photos)
         photo_list.take_reports(state, outcome.result.reports)

@@ -89,7 +89,8 @@ def test_editing_landmarks_shows_how_to_end_it(addon, solved, tmp_path):
     bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
     bpy.ops.bsface.landmarks_edit()
     layout = MagicMock()
-    panels.BSFACE_PT_landmarks.draw(SimpleNamespace(layout=layout), bpy.context)
+    assert drawn() == ["BSFACE_MT_photos", "editing"]
+    panels.BSFACE_PT_editing.draw(SimpleNamespace(layout=layout), bpy.context)
     assert set(operators(layout)) == {"bsface.landmarks_done"}
     bpy.ops.bsface.landmarks_done()
 

@@ -77,7 +77,7 @@ def test_running_again_updates_the_face_unless_asked(addon, solved, tmp_path):
 def test_one_undo_step_removes_the_result(addon, solved, tmp_path):
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.bsface.reconstruct("EXEC_DEFAULT", True, directory=str(tmp_path / "photos"))
-    assert len(bpy.data.objects) == 7
+    assert len(bpy.data.objects) == 8
     bpy.ops.ed.undo()
     assert not bpy.data.objects
     assert bpy.context.scene.bsface.face is None

@@ -1,0 +1,72 @@
+"""What moves cameras and suns along with their face.
+
+A hidden empty copies the face's transform and is the parent of them all.  With the
+face itself as the parent, Blender would draw a dashed line from it to each of forty
+cameras.
+"""
+
+from __future__ import annotations
+
+import bpy
+from mathutils import Matrix
+
+MARK = "bsface"
+NAME = "rig"
+PHOTO_KEY = "bsface_photo"
+
+
+def find(face):
+    """The rig of a face, or None."""
+    for obj in bpy.data.objects:
+        if obj.type == "EMPTY" and obj.get(MARK) == NAME:
+            for constraint in obj.constraints:
+                if constraint.target == face:
+                    return obj
+    return None
+
+
+def face_of(obj):
+    """The face that a camera or sun belongs to, or None."""
+    empty = obj.parent
+    if empty is None or empty.get(MARK) != NAME:
+        return None
+    return next((c.target for c in empty.constraints), None)
+
+
+def ensure(face, collection):
+    """The rig of a face; made in the collection where there is none."""
+    found = find(face)
+    if found is not None:
+        return found
+    obj = bpy.data.objects.new(f"{face.name} rig", None)
+    obj[MARK] = NAME
+    collection.objects.link(obj)
+    constraint = obj.constraints.new("COPY_TRANSFORMS")
+    constraint.target = face
+    obj.hide_viewport = obj.hide_render = True
+    return obj
+
+
+def attach(obj, face, pose):
+    """Give an object a place relative to the face, and scale 1 in the world.
+
+    Parameters
+    ----------
+    pose : (4, 4) matrix
+        Object axes -> head axes; its translation in millimetres.
+    """
+    unit = face.matrix_world.to_scale().x
+    obj.parent = find(face)
+    obj.matrix_parent_inverse = Matrix.Scale(1 / unit, 4)
+    place = Matrix(pose)
+    place.translation *= unit
+    obj.matrix_basis = place
+
+
+def members(face, kind):
+    """Objects of a type ("CAMERA", "LIGHT") on the rig, by name."""
+    rig = find(face)
+    if rig is None:
+        return []
+    found = [obj for obj in rig.children if obj.type == kind and PHOTO_KEY in obj]
+    return sorted(found, key=lambda obj: obj.name)
