@@ -235,8 +235,8 @@ class BSplineSurface:
     ) -> tuple[Array, Array]:
         """Parameters and distance of the surface points closest to ``points``.
 
-        Starts at the nearest vertex of a dense grid and takes damped Gauss-Newton steps
-        in the tangent plane, kept inside the unit square.
+        Starts at the nearest vertex of a dense grid and takes damped Newton steps
+        (Gauss-Newton where the distance is not convex), kept inside the unit square.
 
         Parameters
         ----------
@@ -257,10 +257,25 @@ class BSplineSurface:
         for _ in range(iterations):
             r = q - self.evaluate(*uv.T)
             fu, fv = self.evaluate(*uv.T, du=1), self.evaluate(*uv.T, dv=1)
-            e, f, g = (fu * fu).sum(1), (fu * fv).sum(1), (fv * fv).sum(1)
             a, b = (r * fu).sum(1), (r * fv).sum(1)
+            e, f, g = (fu * fu).sum(1), (fu * fv).sum(1), (fv * fv).sum(1)
+            # Newton where the distance is convex: far from a curved surface the tangent
+            # plane alone converges slowly
+            ne = e - (r * self.evaluate(*uv.T, du=2)).sum(1)
+            nf = f - (r * self.evaluate(*uv.T, du=1, dv=1)).sum(1)
+            ng = g - (r * self.evaluate(*uv.T, dv=2)).sum(1)
+            convex = (ne > 0.1 * e) & (ng > 0.1 * g) & (ne * ng > 1.1 * nf * nf)
+            e, f, g = (
+                np.where(convex, new, old) for new, old in ((ne, e), (nf, f), (ng, g))
+            )
             det = np.maximum(e * g - f * f, 1e-12 * np.maximum(e * g, 1e-30))
             move = np.stack([(g * a - f * b) / det, (e * b - f * a) / det], 1)
+            # on the border only along it, unless the step leads back inside
+            along_v, along_u = b / np.maximum(g, 1e-30), a / np.maximum(e, 1e-30)
+            for k, alone in ((0, along_v), (1, along_u)):
+                x, dx = uv[:, k], move[:, k]
+                out = ((x <= 0) & (dx < 0)) | ((x >= 1) & (dx > 0))
+                move[out, k], move[out, 1 - k] = 0.0, alone[out]
             trial = np.clip(uv + step[:, None] * move, 0, 1)
             d = np.linalg.norm(self.evaluate(*trial.T) - q, axis=1)
             better = d < best
