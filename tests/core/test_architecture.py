@@ -83,8 +83,6 @@ def test_core_imports_its_own_parts_relatively_and_never_blender(path):
     "path", sorted(ADDON.rglob("*.py")), ids=lambda p: str(p.relative_to(ADDON))
 )
 def test_addon_imports_its_own_parts_relatively(path):
-    if path.name == "headless.py":
-        pytest.skip("a script that Blender starts by its path, outside any package")
     assert not {"bsface", "core", "bsface_addon"} & set(absolute_imports(path))
 
 

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from bsface.evidence import facemesh
+from bsface.evidence import face_models
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -41,8 +41,8 @@ def test_one_version():
 def test_models_are_fetched_to_where_the_core_looks(tool, monkeypatch, xdg):
     monkeypatch.setenv("XDG_CACHE_HOME", xdg)
     fetch_models = tool("fetch_models")
-    assert fetch_models.cache_folder() == facemesh.user_cache()
-    assert {facemesh.DETECTOR_FILE, facemesh.MESH_FILE} < set(fetch_models.FILES)
+    assert fetch_models.cache_folder() == face_models.user_cache()
+    assert {face_models.DETECTOR_FILE, face_models.MESH_FILE} < set(fetch_models.FILES)
 
 
 def test_example_photos_are_there_with_their_licence():
