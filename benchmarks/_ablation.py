@@ -1,0 +1,269 @@
+"""What each ingredient of the default is worth: switched off or changed one at a time.
+
+Ingredients that are settings are changed there.  Those that are not are changed where
+they live for the time of the run (`Variant.patches`).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from unittest import mock
+
+import numpy as np
+from _methods import run
+from _sets import FaceSet, score
+from _table import averages, text_table, write_csv
+from bsface.evidence.gather import Gathered, gather
+from bsface.settings import Settings
+from bsface.surface.template import Template, load_template
+
+Change = Callable[[Settings], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One change against the default.
+
+    Attributes
+    ----------
+    name : str
+    settings : mapping, or callable that makes one from the default settings
+        Settings that differ.
+    landmarks : str
+        Scheme that the detected landmarks are reduced to.
+    photos : int
+        Number of photos; 0 = all.
+    patches : mapping of dotted name to value
+        Replaced in the library during the run.
+    """
+
+    name: str
+    settings: Mapping[str, Any] | Change = field(default_factory=dict)
+    landmarks: str = "468"
+    photos: int = 0
+    patches: Mapping[str, Any] = field(default_factory=dict)
+
+    def changed(self, base: Settings) -> Settings:
+        """The settings of this variant."""
+        change = self.settings
+        return replace(base, **(change(base) if callable(change) else change))
+
+
+def times(name: str, factor: float) -> Change:
+    """The change of one setting by a factor."""
+    return lambda base: {name: getattr(base, name) * factor}
+
+
+def _channel(*weights: float) -> dict[str, Any]:
+    return {"bsface.evidence.sampling.LUMINANCE": np.array(weights, np.float32)}
+
+
+def _nothing_hidden(cover: Any, camera: Any, points: np.ndarray) -> np.ndarray:
+    return np.zeros(len(points), bool)
+
+
+def _no_weights(view: np.ndarray, residual: np.ndarray, noise: float) -> np.ndarray:
+    return view
+
+
+#: How many random choices of photos stand for a number of photos.
+DRAWS = 3
+
+GROUPS: dict[str, list[Variant]] = {
+    "method": [
+        Variant("motion only", {"method": "motion"}),
+        Variant("alternating (imls)", {"method": "imls"}),
+    ],
+    "camera": [
+        Variant("no perspective", {"perspective": False}),
+        Variant("camera distance x 0.5", times("distance_mm", 0.5)),
+        Variant("camera distance x 2", times("distance_mm", 2.0)),
+        Variant("no expressions", {"expressions": False}),
+    ],
+    "light": [
+        Variant("4 harmonics", {"harmonics": 4}),
+        Variant(
+            "no robust weights",
+            patches={"bsface.evidence.photometric._robust": _no_weights},
+        ),
+        Variant("intensity noise x 0.5", times("intensity_noise", 0.5)),
+        Variant("intensity noise x 2", times("intensity_noise", 2.0)),
+        Variant("independence x 0.3", times("independence", 0.3)),
+        Variant("independence x 3", times("independence", 3.0)),
+    ],
+    "image": [
+        Variant(
+            "hidden points not left out",
+            patches={"bsface.evidence.sampling.hidden_in": _nothing_hidden},
+        ),
+        Variant("red channel", patches=_channel(1, 0, 0)),
+        Variant("green channel", patches=_channel(0, 1, 0)),
+        Variant("blue channel", patches=_channel(0, 0, 1)),
+        Variant("finest blur x 0.6", times("finest_blur_mm", 0.6)),
+        Variant("finest blur x 2", times("finest_blur_mm", 2.0)),
+        Variant("2 iterations a level", {"iterations": 2}),
+        Variant("10 iterations a level", {"iterations": 10}),
+    ],
+    "prior": [
+        Variant("no identity modes", {"modes": 0.0}),
+        Variant("identity modes x 0.5", times("modes", 0.5)),
+        Variant("identity modes x 2", times("modes", 2.0)),
+        Variant("smooth part x 0.3", times("smooth_mm", 0.3)),
+        Variant("smooth part x 3", times("smooth_mm", 3.0)),
+        Variant("correlation length x 0.5", times("smooth_length", 0.5)),
+        Variant("correlation length x 2", times("smooth_length", 2.0)),
+    ],
+    "net": [
+        Variant("net of 20 x 22", {"control_points": (20, 22)}),
+        Variant("net of 30 x 33", {"control_points": (30, 33)}),
+        Variant("net of 60 x 66", {"control_points": (60, 66)}),
+    ],
+    "landmarks": [
+        Variant("68 landmarks", landmarks="68"),
+        Variant("40 landmarks", landmarks="40"),
+        Variant("landmark offset x 0.3", times("landmark_offset_mm", 0.3)),
+        Variant("landmark offset x 2", times("landmark_offset_mm", 2.0)),
+    ],
+    "photos": [Variant(f"{n} photos", photos=n) for n in (1, 3, 5, 10, 20)],
+}
+
+COLUMNS = (
+    ("mean", "mean %", ".2f"),
+    ("change", "change", "+.2f"),
+    ("worst", "worst %", ".2f"),
+    ("rms", "RMS %", ".2f"),
+    ("normals", "normals", ".1f"),
+    ("turn", "change", "+.1f"),
+    ("seconds", "s", ".0f"),
+)
+
+
+def run_ablation(
+    sets: Sequence[FaceSet],
+    measure: ModuleType,
+    settings: Settings,
+    groups: Sequence[str],
+    out: Path,
+) -> None:
+    """Run and print the ablation; ``ablation.csv`` is written after each set.
+
+    Parameters
+    ----------
+    sets : sequence of FaceSet
+    measure : module
+        ``evaluate.py``.
+    settings : Settings
+        The default that is changed.
+    groups : sequence of str
+        Of `GROUPS`.
+    out : Path
+        Folder.
+    """
+    unknown = sorted(set(groups) - set(GROUPS))
+    if unknown:
+        raise SystemExit(f"no group {', '.join(unknown)}: {', '.join(GROUPS)}.")
+    variants = [("", Variant("default"))]
+    variants += [(group, variant) for group in groups for variant in GROUPS[group]]
+    rows: list[dict[str, Any]] = []
+    for one in sets:
+        started = time.perf_counter()
+        gathered = gather(one.photos, replace(settings, landmarks="468"))
+        print(f"\n{one.name}: landmarks {time.perf_counter() - started:.0f} s")
+        template_row = {"group": "", "variant": "template alone", "set": one.name}
+        template = load_template()
+        outcome = run("template", gathered, template, settings)
+        if outcome.face is not None:
+            template_row |= numbers(score(measure, outcome.face, one))
+        rows.append(template_row)
+        for group, variant in variants:
+            row = {"group": group, "variant": variant.name, "set": one.name}
+            row |= one_variant(variant, one, gathered, template, measure, settings)
+            rows.append(row)
+            print(
+                f"  {variant.name}: "
+                + (row["note"] or f"{row['mean']:.2f} %, {row['normals']:.1f} degrees"),
+                flush=True,
+            )
+        write_csv(out / "ablation.csv", rows)
+    print("\n" + text_table(summary(rows), COLUMNS, [("variant", "variant")]))
+    print(f"\nmean over {', '.join(s.name for s in sets)}; written: {out}/ablation.csv")
+
+
+def one_variant(
+    variant: Variant,
+    one: FaceSet,
+    gathered: Gathered,
+    template: Template,
+    measure: ModuleType,
+    settings: Settings,
+) -> dict[str, Any]:
+    """Numbers of one variant on one set; means over the draws of photos."""
+    changed = variant.changed(settings)
+    model = template.resampled(changed.control_points)
+    results = []
+    started = time.perf_counter()
+    for chosen in draws(len(gathered.photos), variant.photos):
+        some = reduced(gathered, template, variant.landmarks, chosen)
+        with ExitStack() as stack:
+            for name, value in variant.patches.items():
+                stack.enter_context(mock.patch(name, value))
+            outcome = run("default", some, model, changed)
+        if outcome.face is None:
+            return {"note": f"failed: {outcome.note}"}
+        results.append(
+            numbers(score(measure, outcome.face, one)) | {"seconds": outcome.seconds}
+        )
+    row: dict[str, Any] = {
+        k: float(np.mean([r[k] for r in results])) for k in results[0]
+    }
+    row["worst"] = max(r["mean"] for r in results)
+    row["all_seconds"] = time.perf_counter() - started
+    row["note"] = ""
+    return row
+
+
+def numbers(found: Any) -> dict[str, float]:
+    """What is kept of a score."""
+    return {k: getattr(found, k) for k in ("mean", "median", "rms", "p90", "normals")}
+
+
+def draws(total: int, count: int) -> list[np.ndarray]:
+    """Choices of ``count`` of ``total`` photos; 0 or too many = all, once."""
+    if not 0 < count < total:
+        return [np.arange(total)]
+    random = np.random.default_rng(0)
+    return [np.sort(random.permutation(total)[:count]) for _ in range(DRAWS)]
+
+
+def reduced(
+    gathered: Gathered, template: Template, scheme: str, chosen: np.ndarray
+) -> Gathered:
+    """Some of the photos, with fewer landmarks."""
+    marks = [gathered.landmarks[i] for i in chosen]
+    if scheme != "468":
+        marks = [m.subset(scheme, template.schemes[scheme]) for m in marks]
+    photos = tuple(gathered.photos[i] for i in chosen)
+    return replace(gathered, photos=photos, landmarks=tuple(marks))
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Means over the sets, and their change against the default."""
+    table = averages(rows, ["mean", "rms", "normals", "seconds"], "variant")
+    base = next(line for line in table if line["variant"] == "default")
+    for line in table:
+        worst = [r.get("worst", r.get("mean")) for r in rows]
+        worst = [
+            w
+            for w, r in zip(worst, rows, strict=True)
+            if r["variant"] == line["variant"] and w is not None
+        ]
+        line["worst"] = max(worst, default=float("nan"))
+        line["change"] = line["mean"] - base["mean"]  # type: ignore[operator]
+        line["turn"] = line["normals"] - base["normals"]  # type: ignore[operator]
+    return table
