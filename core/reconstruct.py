@@ -26,7 +26,7 @@ from .result import PhotoReport, Reconstruction
 from .settings import Settings
 from .solve.bundle import Bundle, BundleOptions, Observations, adjust
 from .solve.classic import run_imls
-from .solve.frame import fit_similarity, head_frame
+from .solve.frame import head_frame
 from .solve.joint import JointOptions, Level, refine
 from .surface.bspline import BSplineSurface
 from .surface.prior import shape_prior
@@ -102,7 +102,11 @@ def solve(
     if not gathered.photos:
         raise ReconstructionError("No photo can be used; see the reasons per photo.")
     prior = shape_prior(
-        template, settings.modes, settings.smooth_mm, settings.smooth_length
+        template,
+        settings.modes,
+        settings.expression_modes,
+        settings.smooth_mm,
+        settings.smooth_length,
     )
     seen = observations(gathered, template)
     cameras = _linear_cameras(gathered, template, seen, settings)
@@ -172,6 +176,7 @@ def bundle_options(settings: Settings) -> BundleOptions:
     """Options of the motion stage."""
     return BundleOptions(
         offset_mm=settings.landmark_offset_mm,
+        noise_mm=settings.landmark_noise_mm,
         distance_mm=settings.distance_mm,
         expression=1.0 if settings.expressions else 0.0,
     )
@@ -195,17 +200,11 @@ def joint_options(settings: Settings) -> JointOptions:
 
 
 def _joint(gathered, template, prior, seen, bundle: Bundle, settings, history, clock):
-    place = fit_similarity(bundle.structure, template.landmark_xyz[seen.index])
-    cameras = [c.rescaled(place.scale, place.R, place.t) for c in bundle.cameras]
-    structure = place(bundle.structure)
     options = joint_options(settings)
     total = sum(level.iterations for level in options.levels)
-    start = template.surface
     state = None
     for k, state in enumerate(
-        refine(
-            template, prior, start, cameras, gathered.photos, seen, structure, options
-        )
+        refine(template, prior, bundle, gathered.photos, seen, options)
     ):
         history.append(
             {"stage": "refine", "residual": state.residual, "step_mm": state.step_mm}
@@ -213,7 +212,8 @@ def _joint(gathered, template, prior, seen, bundle: Bundle, settings, history, c
         clock.tell("refine", k + 1, total, f"largest step {state.step_mm:.2f} mm")
     assert state is not None
     uv = template.landmark_uv[seen.index]
-    moved = structure + state.surface.evaluate(*uv.T) - start.evaluate(*uv.T)
+    moved = bundle.structure + state.surface.evaluate(*uv.T)
+    moved -= bundle.surface.evaluate(*uv.T)
     deviation = None
     if state.deviation is not None:
         deviation = state.deviation.reshape(template.surface.shape)

@@ -14,7 +14,9 @@ LIMITS: dict[str, tuple[float, float]] = {
     "eye_distance_mm": (1.0, 1000.0),
     "distance_mm": (200.0, 100_000.0),
     "landmark_offset_mm": (0.1, 20.0),
+    "landmark_noise_mm": (0.1, 20.0),
     "modes": (0.0, 5.0),
+    "expression_modes": (0.0, 5.0),
     "smooth_mm": (0.05, 10.0),
     "smooth_length": (0.02, 1.0),
     "intensity_noise": (0.005, 1.0),
@@ -53,8 +55,11 @@ class Settings:
         Let every photo have its own expression; the result is the calmest one.
     landmark_offset_mm : float
         How far a landmark may lie from its place on the template, standard deviation.
-    modes : float
-        Factor on the standard deviation of the identity modes, 0 = none.
+    landmark_noise_mm : float
+        Standard deviation of a landmark in one photo, besides the template's own.
+    modes, expression_modes : float
+        Factors on the standard deviations of the identity modes and of the modes of an
+        expression that all photos share, 0 = none.
     smooth_mm, smooth_length : float
         Standard deviation (mm) and correlation length (of the parameter square) of the
         displacement that the modes cannot express.
@@ -83,7 +88,9 @@ class Settings:
     distance_mm: float = 1200.0
     expressions: bool = True
     landmark_offset_mm: float = 3.0
+    landmark_noise_mm: float = 3.0
     modes: float = 1.0
+    expression_modes: float = 0.7
     smooth_mm: float = 1.0
     smooth_length: float = 0.12
     harmonics: int = 9

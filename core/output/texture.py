@@ -46,10 +46,14 @@ Picture = npt.NDArray[np.float32]
 COARSE = 256
 _LIGHT = 64  # texels a side for estimating the lights
 _SCALE = 0.12  # Cauchy scale of relative differences between photos
+# Weight of all photos together from which on a place counts as measured, relative to
+# the well-seen places.
+_SEEN = 0.05
 # Relative spread between photos up to which they are averaged, from which on the best
 # is chosen, and the power that chooses.
 _AGREE, _DISAGREE, _POWER = 0.09, 0.18, 30.0
 _FINE = 1.5  # power of the weights in the fine band
+_EYES_END = 0.42  # v between eyes and mouth, at the nose
 _TILE = 64  # texture rows blended at a time
 
 
@@ -136,12 +140,13 @@ def bake_texture(
     coarse /= shading
     # Dark places of a photo tell less about the skin.
     weight = weight * np.clip(shading.mean(axis=3), 0, 2) ** 2
+    calm = _calmness(reconstruction)
+    weight = weight * calm[:, None, None]
     base, agreement = _consensus(coarse, weight)
-    seen = (weight * agreement).sum(axis=0)
-    measured = seen > 0.06 * np.percentile(seen, 90)
+    measured = _measured(weight)
     counts = (weight > 0.15 * np.percentile(weight, 99)).sum(axis=0)
     average = weight
-    weight = _sharpened(weight, agreement, coarse, base, _frontality(cameras))
+    weight = _sharpened(weight, agreement, coarse, base, _frontality(cameras), calm)
     total = np.maximum(weight.sum(axis=0), 1e-12)[..., None]
     base = _fill((weight[..., None] * coarse).sum(axis=0) / total, measured)
     tell(0.3)
@@ -149,10 +154,12 @@ def bake_texture(
         [_band(picture, w > 0) for picture, w in zip(coarse, weight, strict=True)]
     )
     smooth = _band(base, np.ones_like(measured))
+    inner = _inner(measured)
     albedo = np.empty((size, size, 3), np.float32)
     for start in range(0, size, _TILE):
         rows = slice(start, min(start + _TILE, size))
         fine = _fine_band(sources, views, shading, own, weight, size, rows)
+        fine *= np.clip(resized(inner, size, rows), 0, 1)[..., None]
         albedo[rows] = resized(smooth, size, rows) + fine
         tell(0.3 + 0.65 * rows.stop / size)
     measured_fine = resized(measured.astype(np.float32), size) > 0.5
@@ -231,6 +238,44 @@ def _lights(maps: SurfaceMaps, coarse: Picture, weight: Picture) -> PhotoLights:
     return lights
 
 
+def _calmness(reconstruction: Any) -> npt.NDArray[np.float32]:
+    """(n,) weight of each photo by its expression: the surface is that of a calm face.
+
+    An open mouth is not only another picture, it also lies elsewhere on the surface.
+    """
+    expressions = getattr(reconstruction, "expressions", None)
+    if expressions is None or not np.size(expressions):
+        return np.ones(len(reconstruction.photos), np.float32)
+    size = (np.asarray(expressions, float) ** 2).sum(axis=1)
+    return (1 / (1 + size / max(float(np.median(size)), 1.0)) ** 2).astype(np.float32)
+
+
+def _measured(weight: Picture) -> npt.NDArray[np.bool_]:
+    """Places that enough photos see well enough: one piece without holes.
+
+    What only a photo or two see at a grazing angle, under the chin for instance, is as
+    often collar as skin.
+    """
+    seen = cv2.GaussianBlur(weight.sum(axis=0), (0, 0), COARSE / 128)
+    mask = (seen > _SEEN * np.percentile(seen, 90)).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
+    if count > 1:
+        largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+        mask = (labels == largest).astype(np.uint8)
+    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(mask, outlines, -1, (1,), cv2.FILLED)
+    # A hole that no photo sees at all stays one.
+    return mask.astype(bool) & (seen > 0)
+
+
+def _inner(measured: npt.NDArray[np.bool_]) -> Picture:
+    """1 inside the measured places, falling softly to 0 at their rim."""
+    away = cv2.distanceTransform(
+        np.pad(measured, 1, mode="edge").astype(np.uint8), cv2.DIST_L2, 5
+    )[1:-1, 1:-1]
+    return np.asarray(np.clip(away / (COARSE / 64), 0, 1), np.float32)
+
+
 def _consensus(delit: Picture, weight: Picture) -> tuple[Picture, Picture]:
     """Robust mean over photos, and how far each photo agrees with it.
 
@@ -279,6 +324,7 @@ def _sharpened(
     delit: Picture,
     base: Picture,
     frontality: npt.NDArray[np.float64],
+    calm: npt.NDArray[np.float32],
 ) -> Picture:
     """Weights that pick one photo where details disagree and average elsewhere.
 
@@ -296,12 +342,19 @@ def _sharpened(
     rise = np.clip((spread - _AGREE) / (_DISAGREE - _AGREE), 0, 1)
     rise = rise * rise * (3 - 2 * rise)
     power = 1 + (_POWER - 1) * rise
-    # One order of the photos for all such places: else an eye would be put together
-    # from several gazes, or the two eyes would look in different directions.
-    share = rise / max(float(rise.sum()), 1e-9)
-    score = (weight * agreement * share).sum(axis=(1, 2)) * frontality
+    # One order of the photos for all such places of the upper half, one for those of
+    # the lower: else an eye would be put together from several gazes, or the two eyes
+    # would look in different directions.
+    typical = np.empty_like(weight)
+    middle = round(_EYES_END * COARSE)
+    # The weights know the expression already; it matters for the mouth, not the eyes.
+    for half, prior in (
+        (slice(0, middle), frontality / calm),
+        (slice(middle, COARSE), frontality * calm),
+    ):
+        chosen = (weight * agreement * rise)[:, half].sum(axis=(1, 2)) * prior
+        typical[:, half] = (chosen / max(float(chosen.max()), 1e-12))[:, None, None]
     sees = weight / (weight + 0.2 * weight.max(axis=(1, 2), keepdims=True) + 1e-12)
-    typical = score[:, None, None] / max(float(score.max()), 1e-12)
     near = np.stack([_blurred(a, 170) for a in agreement])
     quality = weight * near * (1 - rise) + typical * sees * total * rise
     best = np.maximum(quality.max(axis=0), 1e-12)

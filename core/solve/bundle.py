@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
 from ..evidence.camera import PARAMETERS, Camera
@@ -69,6 +68,10 @@ class Bundle:
     cameras : tuple of Camera
     structure : (f, 3) array
         3D positions of the landmarks, offsets included.
+    modes : (k,) array
+        Coefficients of the prior's modes.
+    smooth : (M*N, 3) array
+        The rest of the displacement from the template, mm.
     expressions : (n, k) array
         Coefficients of the expression modes in each photo.
     residual : (n, f) array
@@ -82,6 +85,8 @@ class Bundle:
     surface: BSplineSurface
     cameras: tuple[Camera, ...]
     structure: Array
+    modes: Array
+    smooth: Array
     expressions: Array
     residual: Array
     weight: Array
@@ -156,15 +161,21 @@ def adjust(
         history.append(float(rms))
         if np.abs(dm).max() < options.tolerance * template.eye_distance:
             break
-    everywhere = prior.displacement_covariance(
-        uv, sparse.eye_array(len(template.surface.vector), format="csr")
-    )
-    d = everywhere @ (precision @ m.ravel())
+    modes, smooth = prior.split(uv, (precision @ m.ravel()).reshape(f, 3))
+    d = np.einsum("k,kbx->bx", modes, prior.modes) + smooth
     surface = BSplineSurface(
         template.surface.control_points + d.reshape(*template.surface.shape, 3)
     )
     return Bundle(
-        surface, tuple(cameras), start + m, e, residual, weight, tuple(history)
+        surface,
+        tuple(cameras),
+        start + m,
+        modes,
+        smooth,
+        e,
+        residual,
+        weight,
+        tuple(history),
     )
 
 
@@ -177,12 +188,8 @@ def _expression_basis(template: Template, uv: Array, scale: float) -> Array:
     """Displacement of each landmark by each expression mode, (f, 3, k)."""
     count = len(template.expression_modes) if scale > 0 else 0
     T = basis_matrix(template.surface.shape, *uv.T)
-    return np.stack(
-        [scale * (T @ d.reshape(-1, 3)) for d in template.expression_modes[:count]]
-        or [np.zeros((len(uv), 3))][:0]
-        or np.zeros((0, len(uv), 3)),
-        axis=-1,
-    ) if count else np.zeros((len(uv), 3, 0))
+    moved = [scale * (T @ d.reshape(-1, 3)) for d in template.expression_modes[:count]]
+    return np.stack(moved, -1) if count else np.zeros((len(uv), 3, 0))
 
 
 def _camera_prior(options: BundleOptions, modes: int) -> Array:

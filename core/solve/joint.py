@@ -37,7 +37,7 @@ from ..evidence.sampling import smooth_photo, view_weights
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.prior import ShapePrior
 from ..surface.template import Template
-from .bundle import Observations
+from .bundle import Bundle, Observations
 from .joint_system import add_landmarks, contravariant, normal_equations, read_photos
 
 Array = NDArray[np.float64]
@@ -118,11 +118,9 @@ def sample_grid(template: Template, grid: int) -> Array:
 def refine(
     template: Template,
     prior: ShapePrior,
-    surface: BSplineSurface,
-    cameras: Sequence[Camera],
+    start: Bundle,
     photos: Sequence[Photo],
     seen: Observations,
-    structure: Array,
     options: JointOptions = JointOptions(),  # noqa: B008 (frozen)
 ) -> Iterator[JointState]:
     """Iterate the joint system from a motion result.
@@ -131,33 +129,34 @@ def refine(
     ----------
     template : Template
     prior : ShapePrior
-        Its modes and smooth part act on the displacement from ``surface``.
-    surface : BSplineSurface
-        Start and centre of the prior.
-    cameras, photos : sequences of n
+        Of the displacement from the template.
+    start : Bundle
+        Surface, cameras and landmark structure to start from.
+    photos : sequence of n
     seen : Observations
         Landmarks.
-    structure : (f, 3) array
-        3D positions of the landmarks that belong to ``surface``.
 
     Yields
     ------
     JointState
         After each iteration.
     """
-    shape = surface.shape
-    reference = surface
+    shape = start.surface.shape
+    surface = reference = start.surface
     greville = [(np.arange(c) - 1.0) / (c - 3) for c in shape]
     gu, gv = np.meshgrid(*greville, indexing="ij")
     directions = reference.normals(np.clip(gu, 0, 1), np.clip(gv, 0, 1)).reshape(-1, 3)
     D = np.einsum("kbx,bx->bk", prior.modes, directions)
+    # the prior holds the whole displacement from the template, so what the start
+    # already has counts too
+    d0, a0 = (start.smooth * directions).sum(1), start.modes
     d, a = np.zeros(D.shape[0]), np.zeros(D.shape[1])
-    cameras = list(cameras)
+    cameras = list(start.cameras)
     n, order = len(cameras), options.order
     lights = np.zeros((n, order))
     mark_uv = template.landmark_uv[seen.index]
     mark_T = basis_matrix(shape, *mark_uv.T)
-    offset = structure - surface.evaluate(*mark_uv.T)
+    offset = start.structure - surface.evaluate(*mark_uv.T)
 
     for number, level in enumerate(options.levels):
         uv = sample_grid(template, level.grid)
@@ -225,8 +224,8 @@ def refine(
             SD = S @ D
             border = np.concatenate([SD, B], 1)
             Hbb = np.block([[D.T @ SD + np.eye(len(a)), D.T @ B], [B.T @ D, H]])
-            gb = np.concatenate([D.T @ gd - a, gh])
-            gdd = gd - prior.smooth @ d
+            gb = np.concatenate([D.T @ gd - a - a0, gh])
+            gdd = gd - prior.smooth @ (d + d0)
             solve = splu(Hdd, permc_spec="MMD_AT_PLUS_A").solve
             Z = solve(np.concatenate([border, gdd[:, None]], 1))
             schur = Hbb - border.T @ Z[:, :-1]

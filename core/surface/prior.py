@@ -30,7 +30,7 @@ class ShapePrior:
     Attributes
     ----------
     modes : (k, M*N, 3) array
-        Identity modes, one standard deviation each, mm.
+        Identity modes, then expression modes, one standard deviation each, mm.
     smooth : (M*N, M*N) sparse array
         Precision of the smooth part of each coordinate, 1/mm^2.
     shape : (M, N)
@@ -41,6 +41,26 @@ class ShapePrior:
     smooth: sparse.csr_array
     shape: tuple[int, int]
     factor: SuperLU
+
+    def split(self, uv: ArrayLike, forces: Array) -> tuple[Array, Array]:
+        """The two parts of the mean displacement given landmarks.
+
+        Parameters
+        ----------
+        uv : (f, 2) array
+        forces : (f, 3) array
+            Inverse covariance of the landmarks' displacement times that displacement.
+
+        Returns
+        -------
+        modes : (k,) array
+            Coefficients.
+        smooth : (M*N, 3) array
+            Displacement of the control points, mm.
+        """
+        T = basis_matrix(self.shape, *np.asarray(uv, float).T)
+        pull = T.T @ forces
+        return np.einsum("kbx,bx->k", self.modes, pull), self.factor.solve(pull)
 
     def displacement_covariance(self, uv: ArrayLike, rows: ArrayLike) -> Array:
         """Covariance of the displacement at points ``rows`` with that at ``uv``.
@@ -74,6 +94,7 @@ def _dense(matrix: sparse.csr_array | Array) -> Array:
 def shape_prior(
     template: Template,
     modes_scale: float,
+    expression_scale: float,
     smooth_mm: float,
     smooth_length: float,
 ) -> ShapePrior:
@@ -84,6 +105,8 @@ def shape_prior(
     template : Template
     modes_scale : float
         Factor on the standard deviation of the identity modes; 0 switches them off.
+    expression_scale : float
+        The same for the expression that all photos share.
     smooth_mm : float
         Standard deviation of the smooth part in the middle of the face, mm.
     smooth_length : float
@@ -94,8 +117,8 @@ def shape_prior(
     middle = basis_matrix(shape, [0.5], [0.5]).toarray()[0]
     variance = middle @ splu(sparse.csc_array(Q)).solve(middle)
     Q = sparse.csr_array(Q * (variance / smooth_mm**2))
-    modes = modes_scale * template.identity_modes.reshape(
-        len(template.identity_modes), -1, 3
-    )
+    modes = np.concatenate(
+        [modes_scale * template.identity_modes, expression_scale * template.expression_modes]
+    ).reshape(-1, shape[0] * shape[1], 3)
     factor = splu(sparse.csc_array(Q), permc_spec="MMD_AT_PLUS_A")
     return ShapePrior(modes, Q, shape, factor)
