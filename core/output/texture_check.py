@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from .colour import encode_srgb
 from .render import outline_picture, rasterize, read_picture, sample_surface
-from .texture import COARSE, Texture
+from .texture import Texture
+from .texture_blend import COARSE
 from .texture_views import look_all, prefiltered, resized, sample, surface_maps
 
 Picture = npt.NDArray[np.float32]
