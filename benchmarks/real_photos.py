@@ -1,0 +1,267 @@
+#!/usr/bin/env python3
+"""Real photos of several people, without ground truth.
+
+    python benchmarks/real_photos.py                       all people of the folder
+    python benchmarks/real_photos.py --people Colin_Powell George_W_Bush
+    python benchmarks/real_photos.py --parts halves        only this question
+
+``--data`` is a folder with one folder of photos a person (four people of Labeled Faces
+in the Wild, 35 photos each, 150 pixels).  Three questions, written into ``--out``:
+
+halves    Faces from two disjoint halves of a person's photos: how far apart are they,
+          against faces of different people?  A similarity aligns corresponding points;
+          the same region for all.  Rows: the surface (distance to the closest point,
+          whole face), its 468 landmark points, the mean MediaPipe mesh (468 points).
+held-out  Landmarks of the other half, with nothing but the pose fitted: distance in %
+          of the eye distance, for the face, the template and the mean MediaPipe mesh.
+views     Faces from all photos: three views, in clay and with the mean texture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from _compare import (
+    face_parameters,
+    held_out_residual,
+    landmark_points,
+    point_distance,
+    pose_only,
+    surface_distance,
+    within_between,
+)
+from _meshes import photo_meshes, procrustes_mean, scaled_to_eyes
+from _sets import ROOT
+from _table import text_table, write_csv
+from bsface.errors import ReconstructionError
+from bsface.evidence.gather import Gathered, gather
+from bsface.output.colour import to_picture
+from bsface.output.files import write_bytes
+from bsface.output.pictures import encode_jpeg
+from bsface.output.render import render_views
+from bsface.output.texture import bake_texture
+from bsface.reconstruct import solve
+from bsface.settings import Settings
+from bsface.surface.bspline import BSplineSurface
+from bsface.surface.template import Template, load_template
+
+PHOTOS = ROOT.parent / "shared" / "photos" / "lfw"
+PARTS = ("halves", "held-out", "views")
+HALVES_COLUMNS = (
+    ("within", "within %", ".2f"),
+    ("within_max", "max", ".2f"),
+    ("between", "between %", ".2f"),
+    ("between_min", "min", ".2f"),
+    ("ratio", "ratio", ".1f"),
+    ("matched", "matched", ".0f"),
+    ("people", "of", ".0f"),
+)
+HELD_OUT_COLUMNS = (
+    ("face", "face %", ".2f"),
+    ("template", "template %", ".2f"),
+    ("mesh", "mean mesh %", ".2f"),
+    ("photos", "photos", ".0f"),
+)
+
+
+@dataclass(frozen=True)
+class Half:
+    """A face from a part of a person's photos.
+
+    Attributes
+    ----------
+    surface : BSplineSurface
+    mesh : (468, 3) array
+        Mean MediaPipe mesh of the same photos, with the same eye distance.
+    photos : int array
+        Which photos they were.
+    """
+
+    surface: BSplineSurface
+    mesh: np.ndarray
+    photos: np.ndarray
+
+
+def main() -> None:
+    """Run the command line."""
+    options = arguments()
+    settings = (
+        Settings()
+        if options.iterations is None
+        else Settings(iterations=options.iterations)
+    )
+    template = load_template().resampled(settings.control_points)
+    people = {}
+    for name in options.people or sorted(
+        p.name for p in options.data.iterdir() if p.is_dir()
+    ):
+        started = time.perf_counter()
+        try:
+            gathered = gather(options.data / name, settings)
+        except ReconstructionError as error:
+            raise SystemExit(str(error)) from None
+        people[name] = gathered
+        total = len(gathered.photos) + len(gathered.failures)
+        print(
+            f"{name}: {len(gathered.photos)} of {total} photos can be used, "
+            f"landmarks {time.perf_counter() - started:.0f} s",
+            flush=True,
+        )
+        for failure in gathered.failures:
+            print(f"  {failure.reason}")
+    if {"halves", "held-out"} & set(options.parts):
+        pairs = {
+            name: halves(gathered, template, settings, options.seed)
+            for name, gathered in people.items()
+        }
+        if "halves" in options.parts:
+            report_halves(pairs, template, settings, options.out)
+        if "held-out" in options.parts:
+            report_held_out(people, pairs, template, settings, options.out)
+    if "views" in options.parts:
+        for name, gathered in people.items():
+            views(name, gathered, template, settings, options.out)
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, default=PHOTOS, help="folder of people")
+    parser.add_argument("--people", nargs="+", metavar="NAME")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--seed", type=int, default=0, help="of the split")
+    parser.add_argument("--iterations", type=int, help="fewer for a quick look")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "real_photos")
+    options = parser.parse_args()
+    if not options.data.is_dir():
+        parser.error(f"{options.data} is no folder; name one with --data.")
+    return options
+
+
+def halves(
+    gathered: Gathered, template: Template, settings: Settings, seed: int
+) -> tuple[Half, Half]:
+    """Faces from two disjoint random halves of the photos."""
+    order = np.random.default_rng(seed).permutation(len(gathered.photos))
+    meshes = photo_meshes(gathered)
+    found = []
+    for part in (np.sort(order[::2]), np.sort(order[1::2])):
+        some = replace(
+            gathered,
+            photos=tuple(gathered.photos[i] for i in part),
+            landmarks=tuple(gathered.landmarks[i] for i in part),
+        )
+        surface = solve(some, settings, template).surface
+        mesh = procrustes_mean(meshes[part])
+        mesh = scaled_to_eyes(mesh, template, settings.eye_distance_mm)
+        found.append(Half(surface, mesh, part))
+    return found[0], found[1]
+
+
+def report_halves(
+    pairs: dict[str, tuple[Half, Half]],
+    template: Template,
+    settings: Settings,
+    out: Path,
+) -> None:
+    """Print and write the distances within and between people."""
+    eye = settings.eye_distance_mm
+    uv = face_parameters(template)
+    first = [pair[0] for pair in pairs.values()]
+    second = [pair[1] for pair in pairs.values()]
+    marks = template.landmark_uv
+    whole = partial(surface_distance, uv=uv, eye_distance=eye)
+    points = partial(point_distance, eye_distance=eye)
+    rows = []
+    for name, distance in (
+        ("face, to the closest point", lambda a, b: whole(a.surface, b.surface)),
+        (
+            "face, 468 points",
+            lambda a, b: points(
+                a.surface.evaluate(*marks.T), b.surface.evaluate(*marks.T)
+            ),
+        ),
+        ("mean MediaPipe mesh, 468 points", lambda a, b: points(a.mesh, b.mesh)),
+    ):
+        rows.append({"what": name} | within_between(first, second, distance))
+    print("\nsplit halves, distance in % of the eye distance")
+    print(text_table(rows, HALVES_COLUMNS, [("what", "")]))
+    write_csv(out / "halves.csv", rows)
+
+
+def report_held_out(
+    people: dict[str, Gathered],
+    pairs: dict[str, tuple[Half, Half]],
+    template: Template,
+    settings: Settings,
+    out: Path,
+) -> None:
+    """Print and write the landmark distances in photos that were not used."""
+    rows = []
+    for name, (a, b) in pairs.items():
+        gathered = people[name]
+        found: dict[str, list[float]] = {"face": [], "template": [], "mesh": []}
+        for half, other in ((a, b), (b, a)):
+            faces = {
+                "face": landmark_points(half.surface, template),
+                "template": template.landmark_xyz,
+                "mesh": half.mesh,
+            }
+            for i in other.photos:
+                one = held_out_photo(faces, gathered, int(i), template, settings)
+                for key, value in one.items():
+                    found[key].append(value)
+        row: dict[str, object] = {"person": name}
+        row |= {key: float(np.mean(values)) for key, values in found.items()}
+        rows.append(row | {"photos": len(found["face"])})
+    print("\nlandmarks of photos not used, distance in % of the eye distance")
+    print(text_table(rows, HELD_OUT_COLUMNS, [("person", "person")]))
+    write_csv(out / "held_out.csv", rows)
+
+
+def held_out_photo(
+    faces: dict[str, np.ndarray],
+    gathered: Gathered,
+    i: int,
+    template: Template,
+    settings: Settings,
+) -> dict[str, float]:
+    """Distance of each face in one photo, on the same landmarks for all."""
+    marks, size = gathered.landmarks[i], gathered.photos[i].size
+    weight = marks.weight * template.landmark_reliable
+    start = pose_only(template.landmark_xyz, marks, size, weight, settings.distance_mm)
+    # What is turned away is the network's guess.
+    normals = template.surface.normals(*template.landmark_uv.T)
+    facing = (start.toward(template.landmark_xyz) * normals).sum(1)
+    weight = weight * np.clip((facing - 0.1) / 0.3, 0, 1)
+    eye = start.s * template.eye_distance
+    return {
+        key: held_out_residual(Q, marks, size, weight, eye, settings.distance_mm)
+        for key, Q in faces.items()
+    }
+
+
+def views(
+    name: str, gathered: Gathered, template: Template, settings: Settings, out: Path
+) -> None:
+    """Write three views of a person, in clay above and with the mean texture below."""
+    started = time.perf_counter()
+    result = solve(gathered, settings, template)
+    texture = bake_texture(result, 1024)
+    picture = to_picture(texture.mean)
+    clay = render_views(result.surface, template)
+    skin = render_views(result.surface, template, colours=picture, shading=0.0)
+    path = write_bytes(out / f"{name}.jpg", encode_jpeg(np.concatenate([clay, skin])))
+    seconds = time.perf_counter() - started
+    print(f"{name}: {len(result.photos)} photos, {seconds:.0f} s: {path}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
