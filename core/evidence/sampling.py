@@ -73,18 +73,21 @@ class IntensityField:
 
 
 def _bilinear(image: NDArray[np.float32], at: NDArray[np.float32]) -> Array:
-    # remap takes at most 32767 rows and 4 channels at a time
+    # remap takes at most 4 channels and 32766 columns at a time
+    rows = -(-len(at) // 1024)
+    x, y = np.zeros((2, rows * 1024), np.float32)
+    x[: len(at)], y[: len(at)] = at.T
     parts = [
         cv2.remap(
             np.ascontiguousarray(image[..., k : k + 4]),
-            np.ascontiguousarray(at[None, :, 0]),
-            np.ascontiguousarray(at[None, :, 1]),
+            x.reshape(rows, 1024),
+            y.reshape(rows, 1024),
             cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
-        ).reshape(len(at), -1)
+        ).reshape(rows * 1024, -1)
         for k in range(0, image.shape[2], 4)
     ]
-    return np.concatenate(parts, 1)
+    return np.concatenate(parts, 1)[: len(at)]
 
 
 def smooth_photo(
@@ -107,13 +110,15 @@ def smooth_photo(
         image = (image @ LUMINANCE)[..., None]
     x0, y0, scale = photo.window
     sigma = blur_mm * camera.s * scale
-    shrink = int(sigma / 1.5)
+    shrink = int(min(sigma / 1.5, min(image.shape[:2]) / 2))
     if shrink > 1:
-        h, w = (max(2, round(k / shrink)) for k in image.shape[:2])
-        factor = w / image.shape[1]
-        small = cv2.resize(image, (w, h), interpolation=cv2.INTER_AREA)
-        image = small.reshape(h, w, -1)
-        scale, sigma = scale * factor, sigma * factor
+        # With dsize empty both axes shrink by exactly this factor; a size would be
+        # rounded and shift the picture by up to half a pixel of the small one.
+        small = cv2.resize(
+            image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA
+        )
+        image = small.reshape(*small.shape[:2], -1)
+        scale, sigma = scale / shrink, sigma / shrink
     if sigma > 0.3:
         image = cv2.GaussianBlur(image, (0, 0), sigma).reshape(image.shape)
     gy, gx = np.gradient(image, axis=(0, 1))
