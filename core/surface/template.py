@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +15,8 @@ from .bspline import BSplineSurface
 
 Array = NDArray[np.float64]
 BUNDLED = Path(__file__).resolve().parents[1] / "data" / "template.npz"
+COUNT = 468  # landmarks of the face mesh
+MAX_BYTES = 500_000_000
 
 
 @dataclass(frozen=True)
@@ -93,11 +98,12 @@ class Template:
         fields = dict(self.__dict__)
         fields["surface"] = self.surface.resampled(shape)
         for name in ("identity_modes", "expression_modes"):
-            fields[name] = np.stack(
+            fields[name] = np.reshape(
                 [
                     BSplineSurface(d).resampled(shape).control_points
                     for d in fields[name]
-                ]
+                ],
+                (-1, *shape, 3),
             )
         return Template(**fields)
 
@@ -117,30 +123,101 @@ def load_template(path: str | Path | None = None) -> Template:
     """
     path = BUNDLED if path is None else Path(path)
     try:
-        with np.load(path, allow_pickle=False) as z:
-            a = {k: z[k] for k in z.files}
-        f = {k: a[k].astype(float) for k in a if a[k].dtype.kind == "f"}
-        count = len(a["landmark_uv"])
-        return Template(
-            surface=BSplineSurface(f["control_points"]),
-            landmark_uv=f["landmark_uv"],
-            landmark_xyz=f["landmark_xyz"],
-            landmark_sigma=f["landmark_free_sigma"],
-            landmark_reliable=a["landmark_reliable"].astype(bool),
-            landmark_mirror=a["landmark_mirror"],
-            schemes={
-                "468": np.arange(count),
-                "68": a["scheme_68"],
-                "40": a["scheme_40"],
-            },
-            outline_uv=f["outline_uv"],
-            skin=a["skin"].astype(bool),
-            eye_centres=f["eye_centres"],
-            identity_modes=f["identity_modes"],
-            expression_modes=f["expression_modes"],
-        )
-    except (KeyError, ValueError, OSError, EOFError) as error:
+        # Opened here: numpy leaves the file open when it is damaged.
+        with path.open("rb") as file:
+            a = _arrays(file)
+        return _template(a)
+    except _NOT_A_TEMPLATE as error:
+        why = "something is missing" if isinstance(error, EOFError) else str(error)
+        if isinstance(error, OSError) and error.strerror:
+            why = error.strerror
         raise ValueError(
-            f"{path} is not a template file ({error}); build one with "
+            f"{path} is not a template file ({' '.join(why.split())}); build one with "
             "tools/build_template.py or leave the template empty."
         ) from error
+
+
+# What numpy, zipfile and zlib raise for files that are damaged or something else.
+_NOT_A_TEMPLATE = (
+    ValueError,
+    OSError,
+    EOFError,
+    zipfile.BadZipFile,
+    zlib.error,
+    NotImplementedError,
+    RuntimeError,
+    MemoryError,
+)
+
+
+def _arrays(file: BinaryIO) -> dict[str, NDArray]:
+    with zipfile.ZipFile(file) as z:
+        names = [n.removesuffix(".npy") for n in z.namelist() if n.endswith(".npy")]
+        if sum(i.file_size for i in z.infolist()) > MAX_BYTES:
+            raise ValueError(f"it holds more than {MAX_BYTES // 10**6} MB")
+    file.seek(0)
+    with np.load(file, allow_pickle=False) as z:
+        return {k: z[k] for k in names}
+
+
+def _template(a: dict[str, NDArray]) -> Template:
+    def floats(name: str, *shape: int | None) -> Array:
+        if name not in a:
+            raise ValueError(f"{name} is missing")
+        value = a[name]
+        fits = value.ndim == len(shape) and all(
+            want in (None, have) for want, have in zip(shape, value.shape, strict=True)
+        )
+        if not fits or value.dtype.kind not in "fiub":
+            wanted = " x ".join("any" if k is None else str(k) for k in shape)
+            raise ValueError(
+                f"{name} must hold {wanted} numbers, not {value.dtype} {value.shape}"
+            )
+        value = value.astype(float)
+        if not np.isfinite(value).all():
+            raise ValueError(f"{name} holds values that are not finite")
+        return value
+
+    def indices(name: str, size: int) -> NDArray[np.int64]:
+        value = floats(name, size)
+        if value.min() < 0 or value.max() >= COUNT or (value % 1).any():
+            raise ValueError(f"{name} must hold numbers of landmarks, 0 to {COUNT - 1}")
+        return value.astype(np.int64)
+
+    surface = BSplineSurface(floats("control_points", None, None, 3))
+    modes = {
+        name: floats(name, None, *surface.shape, 3)
+        for name in ("identity_modes", "expression_modes")
+    }
+    sigma = floats("landmark_free_sigma", COUNT)
+    eyes, outline = floats("eye_centres", 2, 3), floats("outline_uv", None, 2)
+    skin = floats("skin", None, None)
+    uv = floats("landmark_uv", COUNT, 2)
+    if uv.min() < 0 or uv.max() > 1:
+        raise ValueError("landmark_uv must lie in [0, 1]")
+    if sigma.min() <= 0:
+        raise ValueError("landmark_free_sigma must be positive")
+    if np.linalg.norm(eyes[1] - eyes[0]) < 1:
+        raise ValueError("eye_centres are at one place")
+    if len(outline) < 3:
+        raise ValueError("outline_uv has fewer than 3 corners")
+    if skin.shape[0] != skin.shape[1] or not skin.any():
+        raise ValueError("skin must be square and hold some skin")
+    return Template(
+        surface=surface,
+        landmark_uv=uv,
+        landmark_xyz=floats("landmark_xyz", COUNT, 3),
+        landmark_sigma=sigma,
+        landmark_reliable=floats("landmark_reliable", COUNT).astype(bool),
+        landmark_mirror=indices("landmark_mirror", COUNT),
+        schemes={
+            "468": np.arange(COUNT),
+            "68": indices("scheme_68", 68),
+            "40": indices("scheme_40", 40),
+        },
+        outline_uv=outline,
+        skin=skin.astype(bool),
+        eye_centres=eyes,
+        identity_modes=modes["identity_modes"],
+        expression_modes=modes["expression_modes"],
+    )
