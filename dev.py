@@ -159,7 +159,8 @@ def _pip(command: list[str]) -> None:
         if text.startswith("Collecting "):
             print(f"    {words[1]}", flush=True)
         elif text.startswith("Processing "):  # a wheel in a local folder
-            print(f"    {Path(words[1]).name}", flush=True)
+            name = Path(words[1]).name.split("-")
+            print(f"    {'=='.join(name[:2])}", flush=True)
         elif text.startswith("Installing collected"):
             print("    unpacking all of them", flush=True)
     if process.wait() != 0:
