@@ -1,0 +1,92 @@
+"""An edited face as the template of the next run, and points that are held."""
+
+import numpy as np
+import pytest
+from bsface.solve.edited import edited_template, hold
+from bsface.surface.template import load_template
+from scipy.spatial.transform import Rotation
+
+
+@pytest.fixture(scope="module")
+def template():
+    return load_template().resampled((16, 18))
+
+
+def test_the_unedited_template_stays(template):
+    """Whatever its size and place: they are undone."""
+    R = Rotation.from_euler("yxz", [20, -10, 5], degrees=True).as_matrix()
+    moved = template.surface.transformed(1.3, R, [10, 20, -30])
+    made = edited_template(moved, template)
+    for name in ("landmark_xyz", "eye_centres"):
+        np.testing.assert_allclose(
+            getattr(made, name), getattr(template, name), atol=1e-6
+        )
+    np.testing.assert_allclose(
+        made.surface.control_points, template.surface.control_points, atol=1e-6
+    )
+
+
+def test_landmarks_go_with_the_edited_surface(template):
+    """A nose made 5 mm longer takes its free landmark points along."""
+    nose = template.landmark_xyz[:, 2].argmax()
+    u, v = template.landmark_uv[nose]
+    b = template.surface.control_points.copy()
+    i, j = np.meshgrid(np.linspace(0, 1, 16), np.linspace(0, 1, 18), indexing="ij")
+    b[..., 2] += 5 * np.exp(-((i - u) ** 2 + (j - v) ** 2) / 0.1**2)
+    made = edited_template(type(template.surface)(b), template)
+    shift = made.landmark_xyz - template.landmark_xyz
+    on_surface = made.surface.evaluate(*template.landmark_uv.T)
+    before = template.surface.evaluate(*template.landmark_uv.T)
+    np.testing.assert_allclose(shift, on_surface - before, atol=1e-9)
+    assert shift[nose, 2] > 2
+
+
+def test_net_size_of_the_surface_counts(template):
+    made = edited_template(template.surface.resampled((12, 14)), template)
+    assert made.surface.shape == (12, 14)
+    assert made.identity_modes.shape[1:3] == (12, 14)
+
+
+def edit(template, size=3.0):
+    """One control point pulled out."""
+    target = template.surface.control_points.copy()
+    held = np.zeros(template.surface.shape, bool)
+    held[7, 9] = True
+    target[7, 9] += (0, 0, size)
+    return target, held
+
+
+def test_held_points_are_reached_and_far_ones_stay(template):
+    target, held = edit(template)
+    made = hold(template.surface, target, held)
+    moved = made.control_points - template.surface.control_points
+    np.testing.assert_allclose(made.control_points[held], target[held], atol=1e-3)
+    assert np.abs(moved[0]).max() < 0.2 * 3.0
+    assert 0.5 < moved[8, 9, 2] < 3.2
+
+
+def test_softness_lets_points_give_way(template):
+    target, held = edit(template)
+    reached = [
+        hold(template.surface, target, held, soft).control_points[7, 9, 2]
+        - template.surface.control_points[7, 9, 2]
+        for soft in (0.0, 0.5, 2.0)
+    ]
+    assert 3.0 >= reached[0] > reached[1] > reached[2] > 0
+
+
+def test_nothing_held_changes_nothing(template):
+    target, held = edit(template)
+    assert hold(template.surface, target, held & False) is template.surface
+
+
+def test_all_held_gives_the_target(template):
+    target, held = edit(template)
+    made = hold(template.surface, target + 1.0, held | True)
+    np.testing.assert_allclose(made.control_points, target + 1.0, atol=1e-3)
+
+
+def test_wrong_shapes_are_refused(template):
+    target, held = edit(template)
+    with pytest.raises(ValueError, match="shape of the net"):
+        hold(template.surface, target, held[1:])
