@@ -14,7 +14,7 @@ a depth map over the frontal picture,
 is missing from the result, and its low frequencies are those of accumulated normal
 errors: this is what the B-spline surface and its landmarks are there to repair.
 
-The published method has no code; the size of a pixel and the weights are ours.
+The size of a pixel and the weights are ours; the paper that compares gives none.
 """
 
 from __future__ import annotations
