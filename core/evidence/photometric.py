@@ -168,7 +168,8 @@ def robust_normals(
         away = start - normals
         A[:, 0, 0] += hold
         A[:, 1, 1] += hold
-        A[:, 2, 2] += 1e-9
+        # of its own size too: a point that one photo sees is singular otherwise
+        A += 1e-9 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
         b[:, 0] += hold * (away * t1).sum(1)
         b[:, 1] += hold * (away * t2).sum(1)
         step = np.linalg.solve(A, b[..., None])[..., 0]
