@@ -16,12 +16,17 @@ import numpy as np
 from . import surface_object
 
 KEY = "bsface_file"
+# Less than this is rounding to float32.
+MOVED_MM = 1e-3
 
 
 def keep(face, result):
     """Store what the core's file of a reconstruction would hold."""
     from ..core.output.formats.npz import contents, npz_bytes
 
+    if KEY in face:
+        # Blender cuts bytes at the first zero when they replace others.
+        del face[KEY]
     face[KEY] = npz_bytes(contents(result))
 
 
@@ -67,6 +72,16 @@ def surface(face, key=None):
     from ..core.surface.bspline import BSplineSurface
 
     return BSplineSurface(surface_object.read(face, key))
+
+
+def moved(face):
+    """Control points that are not where the last run put them, (M, N) bool array."""
+    points = surface_object.read(face)
+    with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
+        solved = archive["control_points"]
+    if solved.shape != points.shape:
+        return np.zeros(points.shape[:2], bool)  # resampled since
+    return np.linalg.norm(points - solved, axis=2) > MOVED_MM
 
 
 def outline(face):

@@ -87,11 +87,10 @@ def reconstruct(options):
     if options.points:
         changes["control_points"] = _points(options.points)
     _empty_file(bpy)
-    request = pipeline.Request(
-        photos=photos,
-        settings=pipeline.settings(bpy.context.scene.bsface.settings, changes),
-        name=options.name or pipeline.face_name(photos),
-        ignore=tuple(options.ignore),
+    state = bpy.context.scene.bsface
+    state.texture_size = options.texture
+    request = pipeline.request(
+        state, photos, options.name, changes, ignore=tuple(options.ignore)
     )
     console = Console(options.quiet or options.json)
     try:
@@ -224,6 +223,12 @@ def _verbs():
     add.add_argument("--points", metavar="MxN", help="control points, such as 40x40")
     add.add_argument(
         "--settings", metavar="JSON", default="", help="further settings as JSON object"
+    )
+    add.add_argument(
+        "--texture",
+        default="AUTO",
+        choices=("AUTO", "512", "1024", "2048", "4096"),
+        help="pixels along a side of the skin texture",
     )
     add.add_argument(
         "--ignore", metavar="PHOTO", action="append", default=[], help="leave one out"

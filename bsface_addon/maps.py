@@ -12,7 +12,7 @@ RESOLUTION = 512
 RESIDUAL_TOP = 0.3
 
 
-def all_maps(result, progress=None):
+def all_maps(result, progress=None, texture_size=None):
     """All maps of a reconstruction by kind; see `material.MAPS`.
 
     Parameters
@@ -20,6 +20,8 @@ def all_maps(result, progress=None):
     result : core Reconstruction
     progress : callable, optional
         Called with the fraction done.
+    texture_size : int, optional
+        Pixels along a side of the skin; by default what the photos are worth.
 
     Returns
     -------
@@ -33,7 +35,7 @@ def all_maps(result, progress=None):
     if result.confidence is not None:
         found["CONFIDENCE"] = confidence(result.surface, result.confidence)
     if result.photos:
-        texture = bake_texture(result, progress=progress)
+        texture = bake_texture(result, texture_size, progress)
         found["SKIN"] = to_picture(texture.albedo)
         found["PHOTO"] = to_picture(texture.mean)
         found["RESIDUAL"] = colour_map(texture.residual, 0.0, RESIDUAL_TOP, "magma")

@@ -216,14 +216,11 @@ class BSFACE_PT_settings(BSFacePanel, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
         state = context.scene.bsface
         layout.enabled = job.current() is None
+        _settings(layout.column(align=True), state.settings, settings_group.MAIN)
         column = layout.column(align=True)
-        for name in settings_group.MAIN:
-            column.prop(state.settings, name)
-        column = layout.column(align=True)
+        column.prop(state, "texture_size", text="")
         column.prop(state, "size")
         column.prop(state, "separate")
 
@@ -235,14 +232,19 @@ class BSFACE_PT_advanced(BSFacePanel, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
         layout.enabled = job.current() is None
-        group = context.scene.bsface.settings
-        column = layout.column(align=True)
-        for name in settings_group.NAMES:
-            if name not in settings_group.MAIN:
-                column.prop(group, name)
+        rest = [n for n in settings_group.NAMES if n not in settings_group.MAIN]
+        _settings(layout.column(align=True), context.scene.bsface.settings, rest)
+
+
+def _settings(column, group, names):
+    """Properties with the name inside the field: the sidebar is narrow."""
+    for name in names:
+        if name in settings_group.CHOICES:
+            column.label(text=group.bl_rna.properties[name].name)
+            column.prop(group, name, text="")
+        else:
+            column.prop(group, name)
 
 
 class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
@@ -262,7 +264,11 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
             icon="EDITMODE_HLT",
             depress=editing,
         )
-        layout.operator("bsface.surface_refit", icon="FILE_REFRESH")
+        column = layout.column(align=True)
+        column.operator("bsface.surface_refit", icon="FILE_REFRESH")
+        row = column.row(align=True)
+        for hold, text in (("SELECTED", "Hold Selected"), ("NONE", "Hold None")):
+            row.operator("bsface.surface_refit", text=text).hold = hold
         row = layout.row(align=True)
         row.prop(face.data, "resolution_u", text="Resolution")
         row.prop(face.data, "resolution_v", text="")
@@ -340,7 +346,7 @@ class BSFACE_PT_expressions(FacePanel, bpy.types.Panel):
         if 0 <= state.active_photo < len(state.photos):
             row = state.photos[state.active_photo]
             layout.label(text=row.name, icon="IMAGE_DATA", translate=False)
-            layout.prop(row, "expression")
+            layout.prop(row, "expression", text="", placeholder="Neutral")
         if not words:
             paragraph(context, layout, messages.EXPRESSIONS)
         for word in words:

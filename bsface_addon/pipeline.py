@@ -33,8 +33,14 @@ class Request:
         Names of photos to leave out.
     landmarks : dict
         Photo name -> core Landmarks that replace detection.
-    template : core BSplineSurface, Template or None
-        What to start from; None for the average face.
+    start : core BSplineSurface or None
+        A face to start from, in the size and place of results; None for the average.
+    held : (M, N) bool array or None
+        Control points of ``start`` that stay where they are.
+    softness_mm : float
+        How far held points may give way; 0 = not at all.
+    texture_size : int or None
+        Pixels along a side; None for what the photos are worth.
     """
 
     photos: Any
@@ -42,7 +48,10 @@ class Request:
     name: str
     ignore: tuple[str, ...] = ()
     landmarks: dict = field(default_factory=dict)
-    template: Any = None
+    start: Any = None
+    held: Any = None
+    softness_mm: float = 0.0
+    texture_size: int | None = None
 
 
 @dataclass(frozen=True)
@@ -98,23 +107,38 @@ def solve(request, progress=None):
         By ``progress``.
     """
     from ..core.reconstruct import reconstruct
+    from ..core.solve.edited import edited_template, hold
+    from ..core.surface.template import load_template
 
     def tell(step):
         if progress is not None:
             progress(replace(step, overall=step.overall * SOLVE_SHARE))
 
+    template = None
+    if request.start is not None:
+        template = edited_template(request.start, load_template())
     result = reconstruct(
         request.photos,
         request.settings,
-        template=request.template,
+        template=template,
         progress=tell,
         ignore=request.ignore,
         landmarks=request.landmarks or None,
     )
-    return Outcome(result, maps(result, progress))
+    if request.held is not None:
+        surface = hold(
+            result.surface,
+            request.start.control_points,
+            request.held,
+            request.softness_mm,
+            request.settings.smooth_mm,
+            request.settings.smooth_length,
+        )
+        result = replace(result, surface=surface)
+    return Outcome(result, maps(result, progress, request.texture_size))
 
 
-def maps(result, progress=None):
+def maps(result, progress=None, texture_size=None):
     """Pictures for the surface by kind (see `maps.all_maps`), with progress."""
     from ..core.progress import Step
     from .maps import all_maps
@@ -125,7 +149,7 @@ def maps(result, progress=None):
             done = round(100 * fraction)
             progress(Step("output", done, 100, overall, "painting the texture"))
 
-    return all_maps(result, tell)
+    return all_maps(result, tell, texture_size)
 
 
 def request(state, photos=None, name="", changes=None, **fields):
@@ -149,9 +173,11 @@ def request(state, photos=None, name="", changes=None, **fields):
         photos = photo_list.paths(state)
     if not photos:
         raise ReconstructionError(messages.NO_PHOTOS)
+    size = state.texture_size
     return Request(
         photos=photos,
         settings=settings(state.settings, changes),
+        texture_size=None if size == "AUTO" else int(size),
         name=name or face_name(photos),
         **fields,
     )

@@ -10,6 +10,7 @@ import bpy
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
+    EnumProperty,
     FloatProperty,
     IntProperty,
     PointerProperty,
@@ -62,6 +63,17 @@ class BSFACE_PG_scene(bpy.types.PropertyGroup):
         min=0.001,
         soft_max=10.0,
         max=1000.0,
+    )
+    texture_size: EnumProperty(
+        name="Texture Size",
+        description="Pixels along each side of the skin texture",
+        items=(
+            ("AUTO", "Texture: Automatic", "As many as the sharpest photos are worth"),
+            ("512", "Texture: 512", "For a quick look"),
+            ("1024", "Texture: 1024", ""),
+            ("2048", "Texture: 2048", ""),
+            ("4096", "Texture: 4096", ""),
+        ),
     )
     separate: BoolProperty(
         name="Make Another Face",

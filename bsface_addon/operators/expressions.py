@@ -85,13 +85,16 @@ class BSFACE_OT_expression_key(FaceOperator, LongOperator, bpy.types.Operator):
             state,
             tuple(photo_list.absolute(row) for row in rows),
             self.expression,
-            {"control_points": surface_object.shape(face)},
-            template=face_file.surface(face),
+            # All photos of the group show the expression: it is the shape itself.
+            {"control_points": surface_object.shape(face), "expressions": False},
+            start=face_file.surface(face),
             landmarks={r.name: known[r.name] for r in rows if r.name in known},
         )
 
     def deliver(self, context, request, outcome):
         face = scene.active_face(context)
+        if face is None:
+            raise ReconstructionError(messages.NO_FACE_OBJECT)
         with scene.all_or_nothing(context):
             scene.leave_edit_mode(context)
             points = outcome.result.surface.control_points

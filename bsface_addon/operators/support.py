@@ -55,7 +55,7 @@ class BSFACE_OT_reset(bpy.types.Operator):
         if self.group == "ERROR":
             state.last_error = ""
             return {"FINISHED"}
-        for name in ("size", "separate"):
+        for name in ("size", "separate", "texture_size"):
             state.property_unset(name)
         for prop in state.settings.bl_rna.properties:
             if not prop.is_readonly:

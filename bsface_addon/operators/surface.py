@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
+from ...core.errors import ReconstructionError
 from .. import (
     face_file,
     job,
@@ -41,21 +42,45 @@ class BSFACE_OT_surface_refit(FaceOperator, LongOperator, bpy.types.Operator):
     bl_label = "Refit"
     bl_options = {"UNDO"}
 
+    hold: EnumProperty(
+        name="Hold",
+        description="Which control points stay where you put them",
+        items=(
+            ("MOVED", "Moved Points", "Those that were moved since the last run"),
+            ("SELECTED", "Selected Points", "Those that are selected in edit mode"),
+            ("NONE", "None", "All may move again"),
+        ),
+    )
+    softness: FloatProperty(
+        name="Softness",
+        description="How far held points may give way, in millimetres; 0 = not at all",
+        default=0.3,
+        min=0.0,
+        max=20.0,
+    )
+
     def prepare(self, context):
         face = scene.active_face(context)
         state = context.scene.bsface
-        shape = surface_object.shape(face)
-        photos = None if state.photos else pipeline.photos_of(face)
+        held = None
+        if self.hold == "MOVED":
+            held = face_file.moved(face)
+        elif self.hold == "SELECTED":
+            held = surface_object.selected(face)
         return pipeline.request(
             state,
-            photos,
+            None if state.photos else pipeline.photos_of(face),
             face.name,
-            {"control_points": shape},
-            template=face_file.surface(face),
+            {"control_points": surface_object.shape(face)},
+            start=face_file.surface(face),
+            held=held,
+            softness_mm=self.softness,
         )
 
     def deliver(self, context, request, outcome):
         face = scene.active_face(context)
+        if face is None:
+            raise ReconstructionError(messages.NO_FACE_OBJECT)
         pipeline.deliver(context, request, outcome, face=face)
         state = context.scene.bsface
         photo_list.take_reports(state, outcome.result.reports)

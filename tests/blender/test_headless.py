@@ -128,7 +128,8 @@ def test_as_a_script_on_real_photos(tmp_path):
         pytest.skip(f"no face models: {error}")
     blend = tmp_path / "face.blend"
     run = subprocess.run(
-        [sys.executable, SCRIPT, "--", photos, blend, "--method", "motion", "--json"],
+        [sys.executable, SCRIPT, "--", photos, blend, "--method", "motion"]
+        + ["--texture", "512", "--json"],
         capture_output=True,
         text=True,
         timeout=400,

@@ -34,17 +34,32 @@ def test_without_a_face_the_buttons_say_why(addon):
         bpy.ops.bsface.surface_symmetrise()
 
 
-def test_refit_starts_from_the_edited_net(face, solved):
+def test_refit_starts_from_the_edited_net_and_holds_what_moved(face, solved):
     bpy.ops.bsface.surface_net()
     assert face.mode == "EDIT"
-    bpy.ops.curve.select_all(action="SELECT")
+    bpy.ops.curve.select_all(action="DESELECT")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    face.data.splines[0].points[4 * 16 + 3].select = True
+    bpy.ops.bsface.surface_net()
     bpy.ops.transform.translate(value=(0, 0, 0.004))
     edited = points(face)
     bpy.ops.bsface.surface_refit()
     (request,) = solved
-    np.testing.assert_array_equal(request.template.control_points, edited)
+    np.testing.assert_array_equal(request.start.control_points, edited)
     assert request.settings.control_points == edited.shape[:2]
+    assert request.held.sum() == 1 and request.held[3, 4]
     assert [obj for obj in bpy.data.objects if scene.is_face(obj)] == [face]
+    # The run is now what counts as solved.
+    assert not face_file.moved(face).any()
+
+
+def test_refit_holds_the_selection_or_nothing(face, solved):
+    face.data.splines[0].points[5 * 16 + 2].select = True
+    bpy.ops.bsface.surface_refit(hold="SELECTED", softness=0)
+    assert solved[0].held[2, 5] and solved[0].held.sum() == 1
+    assert solved[0].softness_mm == 0
+    bpy.ops.bsface.surface_refit(hold="NONE")
+    assert solved[1].held is None
 
 
 def test_refit_finds_the_photos_without_the_list(face, solved, tmp_path):
@@ -163,7 +178,7 @@ def test_expression_becomes_a_shape_key(face, solved):
     bpy.ops.bsface.expression_key(expression="Smile")
     (request,) = solved
     assert [path.name for path in request.photos] == ["0.png", "2.png"]
-    np.testing.assert_array_equal(request.template.control_points, neutral)
+    np.testing.assert_array_equal(request.start.control_points, neutral)
     np.testing.assert_array_equal(points(face), neutral)
     assert face.data.shape_keys.key_blocks["Smile"] is not None
     with pytest.raises(RuntimeError, match="No ticked photo"):
