@@ -6,8 +6,19 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+import numpy as np
+
 METHODS = ("joint", "imls", "paper", "motion")
 SCHEMES = ("468", "68", "40")
+
+NUMBER = (int, float, np.integer, np.floating)
+CHOICES: dict[str, tuple] = {
+    "method": METHODS,
+    "landmarks": SCHEMES,
+    "harmonics": (4, 9),
+}
+SWITCHES = ("detector", "perspective", "expressions")
+WHOLE = ("harmonics", "iterations", "outer_passes")
 
 # Inclusive limits of the numeric settings, for validation and for user interfaces.
 LIMITS: dict[str, tuple[float, float]] = {
@@ -103,31 +114,37 @@ class Settings:
     zeta: float = 1e-3
 
     def __post_init__(self) -> None:
-        net = tuple(int(x) for x in self.control_points)
-        object.__setattr__(self, "control_points", net)
-        if len(net) != 2 or min(net) < 8 or max(net) > 120:
-            raise ValueError(
-                "control_points must be two numbers from 8 to 120, got "
-                f"{self.control_points}."
-            )
-        for name, allowed in (
-            ("method", METHODS),
-            ("landmarks", SCHEMES),
-            ("harmonics", (4, 9)),
-        ):
-            if getattr(self, name) not in allowed:
+        set_ = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
+        set_("control_points", _net(self.control_points))
+        if isinstance(self.landmarks, int) and abs(self.landmarks) < 1000:
+            set_("landmarks", str(self.landmarks))
+        for name, allowed in CHOICES.items():
+            value = getattr(self, name)
+            if isinstance(value, bool) or value not in allowed:
                 raise ValueError(
                     f"{name} must be one of {', '.join(map(str, allowed))}, got "
-                    f"{getattr(self, name)!r}."
+                    f"{_short(value)}."
                 )
+        for name in SWITCHES:
+            value = getattr(self, name)
+            if not isinstance(value, (bool, np.bool_)):
+                raise ValueError(f"{name} must be true or false, got {_short(value)}.")
+            set_(name, bool(value))
         for name, (low, high) in LIMITS.items():
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, float)):
-                raise ValueError(f"{name} must be a number, got {value!r}.")
+            if isinstance(value, bool) or not isinstance(value, NUMBER):
+                raise ValueError(f"{name} must be a number, got {_short(value)}.")
             if not low <= value <= high:
                 raise ValueError(
-                    f"{name} must lie between {low:g} and {high:g}, got {value:g}."
+                    f"{name} must lie between {low:g} and {high:g}, got "
+                    f"{_short(value)}."
                 )
+            set_(name, float(value))
+        for name in WHOLE:
+            value = getattr(self, name)
+            if value != int(value):
+                raise ValueError(f"{name} must be a whole number, got {value}.")
+            set_(name, int(value))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""
@@ -136,11 +153,41 @@ class Settings:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Settings:
         """Settings from plain values; unknown names are refused by name."""
+        if not isinstance(values, Mapping):
+            raise ValueError(f"Settings are names with values, got {_short(values)}.")
         known = {f.name for f in fields(cls)}
-        unknown = sorted(set(values) - known)
+        unknown = sorted(str(name) for name in set(values) - known)
         if unknown:
             raise ValueError(
                 f"There is no setting {', '.join(unknown)}; the settings are "
                 f"{', '.join(sorted(known))}."
             )
         return cls(**values)
+
+
+def _net(value: Any) -> tuple[int, int]:
+    """Size of the control net, checked."""
+    numbers = list(value) if isinstance(value, (tuple, list, np.ndarray)) else []
+    fits = len(numbers) == 2 and all(
+        isinstance(x, NUMBER)
+        and not isinstance(x, bool)
+        and 8 <= x <= 120
+        and x % 1 == 0
+        for x in numbers
+    )
+    if not fits:
+        raise ValueError(
+            "control_points must be two whole numbers from 8 to 120, got "
+            f"{_short(value)}."
+        )
+    return int(numbers[0]), int(numbers[1])
+
+
+def _short(value: Any) -> str:
+    """The value as the end of a sentence, whatever it is."""
+    try:
+        text = f"{value:g}" if isinstance(value, float) else repr(value)
+    except ValueError:  # whole numbers of thousands of digits
+        text = "a huge number"
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else text[:57] + "..."
