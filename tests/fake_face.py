@@ -179,3 +179,49 @@ def bare_reconstruction() -> FakeReconstruction:
     """Only what every reconstruction has."""
     surface = face_surface()
     return FakeReconstruction(surface=surface, template=face_template(surface))
+
+
+def person_folder(folder, count: int = 4, seed: int = 0, side: int = 220):
+    """A folder of drawn photos of the template with their landmark files beside them.
+
+    The whole job runs on it without the detector (``detector=False``).
+    """
+    import json
+
+    from bsface.evidence import harmonics
+    from bsface.evidence.camera import Camera
+    from bsface.output import pictures, render
+    from bsface.output.colour import to_picture
+    from bsface.surface.template import load_template
+
+    rng = np.random.default_rng(seed)
+    template = load_template()
+    surface = template.surface
+    grid = render.sample_surface(surface, None, 150)
+    folder.mkdir(parents=True, exist_ok=True)
+    for index in range(count):
+        R = render.yaw_rotation(rng.uniform(-25, 25), rng.uniform(-8, 8))
+        centre = np.full(2, (side - 1) / 2)
+        camera = Camera(R, side / 260, np.zeros(2), 1 / 1200, centre)
+        raster = render.rasterize(
+            camera.project(grid.points),
+            grid.points @ R[2],
+            grid.triangles,
+            (side, side),
+        )
+        normal = raster.interpolate(grid.normals, grid.triangles)
+        light = np.array([0.8, *rng.normal(0, 0.25, 2), 0.3, 0, 0, 0, 0, 0])
+        picture = np.full((side, side, 3), 0.2)
+        skin = skin_pattern(raster.interpolate(grid.uv, grid.triangles))
+        shading = np.maximum(harmonics.basis(normal) @ light, 0.05)
+        picture[raster.covered] = skin * shading[:, None]
+        picture += rng.normal(0, 0.004, picture.shape)
+        path = folder / f"{index}.png"
+        pictures.write_png(path, to_picture(picture))
+        points = camera.project(template.landmark_xyz)
+        points += rng.normal(0, 0.3, points.shape)
+        text = json.dumps(
+            {"scheme": "468", "points": points.tolist(), "image_size": [side, side]}
+        )
+        path.with_suffix(".json").write_text(text)
+    return folder

@@ -1,0 +1,197 @@
+"""Batches: restartable to the last byte, one bad folder costs only itself."""
+
+import concurrent.futures
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from bsface.errors import ReconstructionError
+from bsface.output import batch, batch_record
+from bsface.settings import Settings
+from fake_face import person_folder
+
+QUICK = Settings(detector=False, method="motion", control_points=(12, 12))
+WANTED = ("face.npz", "face.step")
+
+
+@pytest.fixture(scope="module")
+def people(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("people")
+    for seed, name in enumerate(("ann", "bob", "zoe")):
+        person_folder(folder / name, seed=seed)
+    (folder / "empty").mkdir()
+    (folder / "junk").mkdir()
+    (folder / "junk" / "a.jpg").write_bytes(b"not a picture")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(people, tmp_path_factory):
+    """An uninterrupted run in this process."""
+    out = tmp_path_factory.mktemp("whole")
+    with InThisProcess() as executor:
+        outcomes = batch.run_batch(people, out, QUICK, wanted=WANTED, executor=executor)
+    return out, outcomes
+
+
+class InThisProcess(concurrent.futures.Executor):
+    """The simplest executor there is."""
+
+    def submit(self, function, /, *args, **kwargs):
+        future = concurrent.futures.Future()
+        try:
+            future.set_result(function(*args, **kwargs))
+        except BaseException as error:
+            future.set_exception(error)
+        return future
+
+
+def contents(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_good_people_are_done_and_bad_folders_say_why(whole):
+    out, outcomes = whole
+    found = {o.person: o for o in outcomes}
+    assert [o.person for o in outcomes] == sorted(found)
+    for name in ("ann", "bob", "zoe"):
+        assert found[name].status == "done" and found[name].used == 4
+        assert {*WANTED, "done.json"} == {p.name for p in (out / name).iterdir()}
+    assert "holds no photos" in found["empty"].reason
+    assert found["junk"].status == "failed" and "a.jpg" in found["junk"].reason
+    table = list(csv.reader((out / "summary.csv").read_text().splitlines()))
+    assert len(table) == 6
+    assert table[1] == ["ann", "done", "4", "4", " ".join(found["ann"].warnings)]
+    lines = batch_record.summary_lines(outcomes)
+    assert len(lines) == 6 and "4 of 4" in lines[1]
+
+
+def test_killed_and_restarted_batch_ends_with_the_same_bytes(people, whole, tmp_path):
+    out = tmp_path / "out"
+    script = (
+        "from bsface.output import batch\n"
+        "from bsface.settings import Settings\n"
+        "if __name__ == '__main__':\n"
+        f"    batch.run_batch({str(people)!r}, {str(out)!r},\n"
+        f"        Settings.from_dict({QUICK.to_dict()!r}), wanted={WANTED!r})\n"
+    )
+    path = tmp_path / "run.py"
+    path.write_text(script)
+    first = subprocess.Popen(
+        [sys.executable, str(path)],
+        start_new_session=True,
+        stderr=subprocess.DEVNULL,
+    )
+    # Kill the whole group in the middle: as soon as the first person is finished.
+    limit = time.monotonic() + 120
+    while not list(out.glob("*/done.json")) and time.monotonic() < limit:
+        assert first.poll() is None or list(out.glob("*/done.json"))
+        time.sleep(0.02)
+    if first.poll() is None:
+        os.killpg(first.pid, signal.SIGKILL)
+    first.wait()
+    assert not (out / "summary.csv").exists() or first.returncode == 0
+    subprocess.run([sys.executable, str(path)], check=True, timeout=300)
+    assert contents(out) == contents(whole[0])
+
+
+def test_finished_people_are_skipped_until_something_changes(
+    people, whole, tmp_path, monkeypatch
+):
+    out, _ = whole
+
+    def again(settings=QUICK):
+        with InThisProcess() as executor:
+            outcomes = batch.run_batch(
+                people, out, settings, wanted=WANTED, executor=executor
+            )
+        return {o.person: o.status for o in outcomes}
+
+    before = contents(out / "ann")
+    monkeypatch.setattr(batch, "reconstruct", None)
+    assert again()["ann"] == "skipped" and contents(out / "ann") == before
+    marks = [
+        batch_record.fingerprint(people / "ann", settings.to_dict(), wanted)
+        for settings, wanted in (
+            (QUICK, WANTED),
+            (QUICK, WANTED[:1]),
+            (Settings(eye_distance_mm=60.0), WANTED),
+        )
+    ]
+    assert len(set(marks)) == 3
+    # A file that was damaged or a photo that was added asks for the work again.
+    (out / "bob" / "face.npz").write_bytes(b"")
+    assert batch_record.recall(out / "bob", "x") is None
+    assert again()["bob"] == "failed"
+    record = json.loads((out / "ann" / "done.json").read_text())
+    assert set(record["files"]) == set(WANTED)
+
+
+def test_death_of_a_worker_costs_only_its_person(people, tmp_path, monkeypatch):
+    """A process that dies is found and named; the others are done."""
+    jobs = {
+        name: (str(people / name), str(tmp_path / name), QUICK.to_dict(), ("face.npz",))
+        for name in ("ann", "bob")
+    }
+    jobs["killer"] = (_Bomb(), str(tmp_path / "killer"), {}, ())
+    outcomes = {o.person: o for o in batch._on_processes(jobs, 2)}
+    assert outcomes["ann"].status == outcomes["bob"].status == "done"
+    assert outcomes["killer"].status == "failed"
+    assert "ended abruptly" in outcomes["killer"].reason
+
+
+class _Bomb:
+    """Ends the process that unpickles it."""
+
+    def __reduce__(self):
+        return os._exit, (9,)
+
+
+def test_dask_cluster_gives_the_same_files(people, whole, tmp_path):
+    distributed = pytest.importorskip(
+        "distributed", reason="dask and distributed are not installed"
+    )
+    with (
+        distributed.LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            dashboard_address=None,
+            local_directory=str(tmp_path / "dask"),
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        out = tmp_path / "out"
+        batch.run_batch(
+            people, out, QUICK, wanted=WANTED, executor=client.get_executor()
+        )
+    assert contents(out).keys() == contents(whole[0]).keys()
+
+
+def test_unusable_requests_are_refused_in_a_sentence(people, tmp_path):
+    with pytest.raises(ReconstructionError, match="cannot open this folder"):
+        batch.run_batch(tmp_path / "none", tmp_path)
+    (tmp_path / "alone").mkdir()
+    with pytest.raises(ReconstructionError, match="no sub-folders"):
+        batch.run_batch(tmp_path / "alone", tmp_path)
+    for name in ("../face.npz", "face.doc"):
+        with pytest.raises(ReconstructionError, match="cannot be made"):
+            batch.run_batch(people, tmp_path, wanted=(name,))
+
+
+def test_command_line_reports_and_returns_one_when_some_failed(people, whole, capsys):
+    words = [str(people), str(whole[0]), "--workers", "1"]
+    for name in WANTED:
+        words += ["--write", name]
+    code = batch.main(words, QUICK)
+    said = capsys.readouterr()
+    assert code == 1 and "ann" in said.out and "[5/5]" in said.err
+    assert batch.main(["/no/such/folder", str(whole[0])]) == 1
