@@ -68,8 +68,13 @@ def _nothing_hidden(cover: Any, camera: Any, points: np.ndarray) -> np.ndarray:
     return np.zeros(len(points), bool)
 
 
-def _no_weights(view: np.ndarray, residual: np.ndarray, noise: float) -> np.ndarray:
-    return view
+def _equal_weights(view: np.ndarray, residual: np.ndarray, noise: float) -> np.ndarray:
+    """No sample weighs less for its residual; all as much as they do on average.
+
+    Without the average the change would also make the photos count for more.
+    """
+    robust = 1 / (1 + (residual / noise) ** 2)
+    return view * float((view * robust).sum() / max(view.sum(), 1e-12))
 
 
 #: How many random choices of photos stand for a number of photos.
@@ -90,7 +95,7 @@ GROUPS: dict[str, list[Variant]] = {
         Variant("4 harmonics", {"harmonics": 4}),
         Variant(
             "no robust weights",
-            patches={"bsface.evidence.photometric._robust": _no_weights},
+            patches={"bsface.evidence.photometric._robust": _equal_weights},
         ),
         Variant("intensity noise x 0.5", times("intensity_noise", 0.5)),
         Variant("intensity noise x 2", times("intensity_noise", 2.0)),

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Spread of the logarithm of the camera's distance, as in the reconstruction.
-DISTANCE_SPREAD = 0.35
+#: Rotation, scale and shift among the camera's parameters.  The distance stays: fitted
+#: to one photo it takes up expressions rather than perspective.
+POSE = 6
 
 
 # ------------------------------------------------------------ faces with each other
@@ -146,7 +147,7 @@ def pose_only(
     weight : (468,) array
         0 leaves a landmark out.
     distance_mm : float
-        Typical distance of the camera; the photo finds its own about it.
+        Distance of the camera, the same for all photos.
     """
     middle = ((size[0] - 1) / 2, (size[1] - 1) / 2)
     start = linear_pose(marks.points, Q, weight, middle, marks.photo)
@@ -157,12 +158,11 @@ def pose_only(
     for _ in range(rounds):
         p, _, C = camera.jacobians(Q[used])
         r = (marks.points[used] - p) / camera.s
-        C = C / camera.s
+        C = C[..., :POSE] / camera.s
         A = np.einsum("lxa,l,lxb->ab", C, weight[used], C)
         b = np.einsum("lxa,l,lx->a", C, weight[used], r)
-        A[6, 6] += 1 / DISTANCE_SPREAD**2
-        b[6] -= np.log(camera.kappa * distance_mm) / DISTANCE_SPREAD**2
-        step = np.linalg.solve(A + 1e-9 * np.eye(PARAMETERS), b)
+        step = np.zeros(PARAMETERS)
+        step[:POSE] = np.linalg.solve(A, b)
         camera = camera.moved(step)
         if np.abs(step).max() < 1e-7:
             break

@@ -44,12 +44,17 @@ class Face:
         Start of the alignment; NaN rows where unknown.
     drawn : (s, 3) int array
         The triangles within the outline of the face.
+    uv, inside : arrays, optional
+        Parameters of the points and picture of the outline (`SurfaceGrid`), by which
+        the rim is drawn to the pixel.
     """
 
     points: Array
     triangles: NDArray[np.int64]
     landmarks: Array
     drawn: NDArray[np.int64]
+    uv: Array | None = None
+    inside: NDArray[np.bool_] | None = None
 
     def moved(self, transform: tuple[float, Array, Array]) -> Face:
         """After the similarity ``x -> s R x + t``."""
@@ -67,7 +72,7 @@ def surface_face(surface: BSplineSurface, template: Template) -> Face:
     marks = surface.evaluate(*template.landmark_uv[template.schemes["68"]].T)
     marks[JAW] = np.nan
     whole = grid_triangles(SAMPLES, SAMPLES)
-    return Face(grid.points, whole, marks, grid.triangles)
+    return Face(grid.points, whole, marks, grid.triangles, grid.uv, grid.inside)
 
 
 def depth_face(found: DepthFace, template: Template) -> Face:
@@ -130,12 +135,12 @@ def views_of(face: Face, yaws: Sequence[float], height: int = 230) -> list[View]
     seen = face.points[np.unique(face.drawn)]
     middle = (seen.min(0) + seen.max(0)) / 2
     views = []
-    mm_per_pixel = float(np.ptp(seen[:, 1])) / (0.9 * height)
+    mm_per_pixel = float(np.ptp(seen[:, 1])) / (0.78 * height)
     for yaw in yaws:
         R = yaw_rotation(yaw)
         turned = (seen - middle) @ R.T
         shift = (turned.min(0) + turned.max(0)) / 2 * (1, 0, 0)
-        width = int(np.ptp(turned[:, 0]) / mm_per_pixel / 0.88)
+        width = int(np.ptp(turned[:, 0]) / mm_per_pixel / 0.8)
         views.append(View(yaw, middle + R.T @ shift, mm_per_pixel, (width, height)))
     return views
 
@@ -145,9 +150,9 @@ def draw(face: Face, view: View) -> NDArray[np.uint8]:
     grid = SurfaceGrid(
         face.points,
         vertex_normals(face.points, face.drawn),
-        np.zeros((len(face.points), 2)),
+        np.zeros((len(face.points), 2)) if face.uv is None else face.uv,
         face.drawn,
-        None,
+        face.inside,
     )
     return shaded_view(
         grid,

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import time
 from pathlib import Path
 
@@ -40,6 +41,8 @@ ABLATION_SETS = ["ict-a/S1", "ict-b/S1", "mh-c/S1"]
 def main() -> None:
     """Run the command line."""
     options = arguments()
+    # What the photos cannot tell is said for one face, not for every row of a table.
+    logging.getLogger("bsface").setLevel(logging.ERROR)
     settings = changed_settings(options.setting)
     measure = load_measure(options.data)
     wanted = options.sets

@@ -20,6 +20,7 @@ views     Faces from all photos: three views, in clay and with the mean texture.
 from __future__ import annotations
 
 import argparse
+import logging
 import time
 from dataclasses import dataclass, replace
 from functools import partial
@@ -90,6 +91,8 @@ class Half:
 def main() -> None:
     """Run the command line."""
     options = arguments()
+    # What the photos cannot tell is said for one face, not for every row of a table.
+    logging.getLogger("bsface").setLevel(logging.ERROR)
     settings = (
         Settings()
         if options.iterations is None
