@@ -98,7 +98,7 @@ def reconstruct(options):
     finally:
         console.close()
     face = _build(bpy, request, outcome, options)
-    written = _write(bpy, output, outcome.result, options)
+    written = _write(bpy, output, outcome, options)
     return _facts(face, outcome.result, written, console.say)
 
 
@@ -147,7 +147,7 @@ def export(options):
 
         face = read_npz(path)
         written = write(target, face, trimmed=trimmed, tolerance=options.tolerance)
-        return {"written": [str(written)]}
+        return _wrote(written)
     _open(bpy, path)
     found = {face.name: face for face in bpy.data.objects if scene.is_face(face)}
     if not found:
@@ -158,7 +158,12 @@ def export(options):
             f"{path.name} holds no face {name!r}; it holds {', '.join(found)}."
         )
     written = export_face.write(target, found[name], trimmed, options.tolerance)
-    return {"written": [str(written)]}
+    return _wrote(written)
+
+
+def _wrote(path):
+    print(f"wrote {path}", file=sys.stderr, flush=True)
+    return {"written": [str(path)]}
 
 
 class Console:
@@ -316,7 +321,7 @@ def _build(bpy, request, outcome, options):
     return face
 
 
-def _write(bpy, output, result, options):
+def _write(bpy, output, outcome, options):
     """Write what was asked for; each file appears whole or not at all."""
     from ..core.output.files import replacing
 
@@ -330,11 +335,17 @@ def _write(bpy, output, result, options):
     if options.npz:
         from ..core.output.formats.npz import write_npz
 
-        written.append(write_npz(options.npz, result))
+        written.append(write_npz(options.npz, outcome.result))
     if options.report:
         from ..core.output.report import write_report
 
-        written.append(write_report(options.report, result))
+        page = write_report(
+            options.report,
+            outcome.result,
+            title=options.name or None,
+            texture=outcome.texture,
+        )
+        written.append(page)
     return [str(path) for path in written]
 
 

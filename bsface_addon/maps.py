@@ -5,6 +5,9 @@ Row j of a picture is v_j, so its first row is the forehead; sRGB-encoded.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
 RESOLUTION = 512
@@ -12,50 +15,63 @@ RESOLUTION = 512
 RESIDUAL_TOP = 0.3
 
 
-def all_maps(result, progress=None, texture_size=None):
+@dataclass(frozen=True)
+class Map:
+    """One picture for the surface.
+
+    Attributes
+    ----------
+    pixels : (h, w, 3) uint8 array, or floats in [0, 1]
+    legend : str
+        What its colours mean, one line.
+    """
+
+    pixels: Any
+    legend: str = ""
+
+
+def all_maps(result, texture=None):
     """All maps of a reconstruction by kind; see `material.MAPS`.
 
     Parameters
     ----------
     result : core Reconstruction
-    progress : callable, optional
-        Called with the fraction done.
-    texture_size : int, optional
-        Pixels along a side of the skin; by default what the photos are worth.
-
-    Returns
-    -------
-    dict of (h, w, 3) uint8 or float arrays
+    texture : core Texture, optional
+        Without it there is no skin.
     """
     from ..core.output.colour import to_picture
+    from ..core.output.maps import confidence_map, residual_map
     from ..core.output.pictures import colour_map
-    from ..core.output.texture import bake_texture
 
     found = {"NORMALS": normals(result.surface)}
+    residual = None
+    if texture is not None:
+        found["SKIN"] = Map(to_picture(texture.albedo))
+        found["PHOTO"] = Map(to_picture(texture.mean))
+        residual = texture.residual
+    if result.photometric is not None:
+        measured = residual_map(result.photometric, RESOLUTION)
+        residual = residual if measured is None else measured
+    if residual is not None:
+        found["RESIDUAL"] = Map(
+            colour_map(residual, 0.0, RESIDUAL_TOP, "magma"),
+            f"Dark: photos and surface agree; light: {RESIDUAL_TOP:.0%} apart; "
+            "grey: not measured",
+        )
     if result.confidence is not None:
-        found["CONFIDENCE"] = confidence(result.surface, result.confidence)
-    if result.photos:
-        texture = bake_texture(result, texture_size, progress)
-        found["SKIN"] = to_picture(texture.albedo)
-        found["PHOTO"] = to_picture(texture.mean)
-        found["RESIDUAL"] = colour_map(texture.residual, 0.0, RESIDUAL_TOP, "magma")
+        values = confidence_map(result.confidence, RESOLUTION)
+        top = float(np.percentile(values, 98))
+        found["CONFIDENCE"] = Map(
+            colour_map(values, 0.0, top),
+            f"Standard deviation, from dark: 0 to yellow: {top:.1f} mm",
+        )
     return found
 
 
 def normals(surface):
     """Normals as colours: red is x (the picture's right), green y (up), blue z."""
-    return (surface.normals(*_parameters()) + 1) / 2
-
-
-def confidence(surface, deviation):
-    """Standard deviation of the control points (M, N), mm, as colours."""
-    from ..core.output.pictures import colour_map
-
-    u, v = _parameters()
-    values = surface.matrix(u.ravel(), v.ravel()) @ np.asarray(deviation).ravel()
-    return colour_map(values.reshape(u.shape), 0.0, None, "viridis")
-
-
-def _parameters():
     at = (np.arange(RESOLUTION) + 0.5) / RESOLUTION
-    return np.meshgrid(at, at)
+    return Map(
+        (surface.normals(*np.meshgrid(at, at)) + 1) / 2,
+        "Red: to the picture's right, green: up, blue: to the camera",
+    )

@@ -20,6 +20,7 @@ MAPS = {
 }
 PLAIN = (0.62, 0.42, 0.33, 1.0)
 KIND_KEY = "bsface_map"
+LEGEND_KEY = "bsface_legend"
 
 
 def of_face(face):
@@ -34,7 +35,7 @@ def of_face(face):
     return material
 
 
-def store_map(face, kind, pixels):
+def store_map(face, kind, pixels, legend=""):
     """Keep a map with the face, packed into the file.
 
     Parameters
@@ -44,6 +45,8 @@ def store_map(face, kind, pixels):
     pixels : (h, w, 3) array
         Row j is v_j (top of the face first), column i is u_i; uint8, or floats in
         [0, 1]; sRGB-encoded colours.
+    legend : str
+        What the colours mean, for the panel.
 
     Returns
     -------
@@ -57,9 +60,9 @@ def store_map(face, kind, pixels):
     if image is None:
         image = bpy.data.images.new(f"{face.name} {MAPS[kind][0]}", width, height)
         image[KIND_KEY] = kind
-        image["bsface_face"] = face.name
     elif tuple(image.size) != (width, height):
         image.scale(width, height)
+    image[LEGEND_KEY] = legend
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., :3] = np.clip(values[..., :3], 0, 1)
     image.pixels.foreach_set(rgba.ravel())
@@ -90,6 +93,14 @@ def shown(face):
         if material is not None and material.get("bsface"):
             return material.get(KIND_KEY, "PLAIN")
     return "PLAIN"
+
+
+def legend(face):
+    """What the colours of the shown map mean; empty for skin and photos."""
+    kind = shown(face)
+    if kind not in stored_kinds(face):
+        return ""
+    return stored_map(face, kind).get(LEGEND_KEY, "")
 
 
 def show(face, kind):

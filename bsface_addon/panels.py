@@ -295,6 +295,9 @@ class BSFACE_PT_texture(FacePanel, bpy.types.Panel):
             row.operator(
                 "bsface.surface_map", text=label, depress=kind == shown
             ).kind = kind
+        legend = material.legend(face)
+        if legend:
+            paragraph(context, layout, legend, icon="INFO")
         layout.operator("bsface.texture_save", icon="IMAGE_DATA")
 
 

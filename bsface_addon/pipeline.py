@@ -14,6 +14,7 @@ from typing import Any
 
 from ..core.errors import ReconstructionError
 from . import messages, photo_list
+from .maps import all_maps
 
 # Part of the whole time that the core's reconstruction takes; the rest paints.
 SOLVE_SHARE = 0.85
@@ -56,10 +57,19 @@ class Request:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What `solve` found: a core Reconstruction and the pictures for its surface."""
+    """What `solve` found.
+
+    Attributes
+    ----------
+    result : core Reconstruction
+    maps : dict of maps.Map
+        Pictures for the surface by kind.
+    texture : core Texture or None
+    """
 
     result: Any
     maps: dict
+    texture: Any = None
 
 
 def settings(group, changes=None):
@@ -135,13 +145,14 @@ def solve(request, progress=None):
             request.settings.smooth_length,
         )
         result = replace(result, surface=surface)
-    return Outcome(result, maps(result, progress, request.texture_size))
+    texture = _texture(result, progress, request.texture_size)
+    return Outcome(result, all_maps(result, texture), texture)
 
 
-def maps(result, progress=None, texture_size=None):
-    """Pictures for the surface by kind (see `maps.all_maps`), with progress."""
+def _texture(result, progress, size):
+    """The core's Texture of the used photos, with progress; None without photos."""
+    from ..core.output.texture import bake_texture
     from ..core.progress import Step
-    from .maps import all_maps
 
     def tell(fraction):
         if progress is not None:
@@ -149,7 +160,7 @@ def maps(result, progress=None, texture_size=None):
             done = round(100 * fraction)
             progress(Step("output", done, 100, overall, "painting the texture"))
 
-    return all_maps(result, tell, texture_size)
+    return bake_texture(result, size, tell) if result.photos else None
 
 
 def request(state, photos=None, name="", changes=None, **fields):

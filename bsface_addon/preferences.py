@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+import os
+
 import bpy
 from bpy.props import StringProperty
 
 # The extension's own name, such as bl_ext.user_default.bsface.
 from .. import __package__ as base_package
+
+# Where the core looks first for the model files (core/evidence/facemesh.py).
+VARIABLE = "BSFACE_MODELS"
+
+
+def tell_core(preferences, context=None):
+    """Hand the chosen folder to the core."""
+    if preferences.models:
+        os.environ[VARIABLE] = bpy.path.abspath(preferences.models)
+    else:
+        os.environ.pop(VARIABLE, None)
 
 
 class BSFACE_AP_preferences(bpy.types.AddonPreferences):
@@ -17,18 +30,25 @@ class BSFACE_AP_preferences(bpy.types.AddonPreferences):
         description="Folder with the face detector's .tflite files; empty: the ones "
         "that came with the extension",
         subtype="DIR_PATH",
+        update=tell_core,
     )
 
     def draw(self, context):
         self.layout.prop(self, "models")
 
 
-def models_folder(context):
-    """The folder set in the preferences, or None (also when run as a script)."""
-    addon = context.preferences.addons.get(base_package)
-    folder = addon.preferences.models if addon and addon.preferences else ""
-    return bpy.path.abspath(folder) if folder else None
-
-
 CLASSES = (BSFACE_AP_preferences,)
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    # Absent when run as a script instead of as an installed extension.
+    addon = bpy.context.preferences.addons.get(base_package)
+    if addon is not None and addon.preferences and addon.preferences.models:
+        tell_core(addon.preferences)
+
+
+def unregister():
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -50,8 +50,8 @@ def place(context, result, name, *, face=None, scale=1.0, maps=None):
         materials stay) and its cameras and lights are replaced.
     scale : float
         Size of a new face; 1 is life size.
-    maps : dict of arrays, optional
-        Pictures for `material.store_map` by kind.
+    maps : dict of maps.Map, optional
+        Pictures for the surface by kind.
 
     Returns
     -------
@@ -75,8 +75,8 @@ def place(context, result, name, *, face=None, scale=1.0, maps=None):
         rig.ensure(face, own)
         _add_cameras(face, result, own)
         _add_lights(face, result, own)
-        for kind, pixels in (maps or {}).items():
-            material.store_map(face, kind, pixels)
+        for kind, found in (maps or {}).items():
+            material.store_map(face, kind, found.pixels, found.legend)
         if fresh or material.shown(face) == "PLAIN":
             material.show(face, "SKIN" if maps and "SKIN" in maps else "PLAIN")
         _write_facts(face, result)

@@ -214,8 +214,8 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
         face = scene.active_face(context)
         if self.kind == "NORMALS":
             # Of the surface as it is now, edits included.
-            pixels = maps.normals(face_file.surface(face))
-            material.store_map(face, "NORMALS", pixels)
+            made = maps.normals(face_file.surface(face))
+            material.store_map(face, "NORMALS", made.pixels, made.legend)
         try:
             material.show(face, self.kind)
         except KeyError:

@@ -120,10 +120,10 @@ def test_as_a_script_on_real_photos(tmp_path):
     photos.mkdir()
     for path in sorted((ROOT / "examples" / "photos").glob("*.jpg"))[::8]:
         shutil.copy(path, photos)
-    facemesh = load("core.evidence.facemesh")
+    face_models = load("core.evidence.face_models")
     errors = load("core.errors")
     try:
-        facemesh.find_models()
+        face_models.find_models()
     except errors.ReconstructionError as error:
         pytest.skip(f"no face models: {error}")
     blend = tmp_path / "face.blend"

@@ -11,7 +11,7 @@ scene = load("bsface_addon.scene")
 cameras = load("bsface_addon.cameras")
 material = load("bsface_addon.material")
 surface_object = load("bsface_addon.surface_object")
-facemesh = load("core.evidence.facemesh")
+face_models = load("core.evidence.face_models")
 errors = load("core.errors")
 
 
@@ -19,7 +19,7 @@ errors = load("core.errors")
 def photos(tmp_path):
     """Five of the example photos."""
     try:
-        facemesh.find_models()
+        face_models.find_models()
     except errors.ReconstructionError as error:
         pytest.skip(f"no face models: {error}")
     for path in sorted((ROOT / "examples" / "photos").glob("*.jpg"))[::8]:

@@ -1,6 +1,7 @@
 """Cameras, lights and material: what is placed, and that nothing is left behind."""
 
 import json
+from unittest.mock import MagicMock
 
 import bpy
 import numpy as np
@@ -169,7 +170,7 @@ def test_a_failure_leaves_the_scene_as_it_was(
     }[fault]
     monkeypatch.setattr(module, name, fail)
     with pytest.raises(RuntimeError, match="no"):
-        scene.place(bpy.context, result, "Ann", face=face, maps={"PHOTO": 0})
+        scene.place(bpy.context, result, "Ann", face=face, maps={"PHOTO": MagicMock()})
     assert everything() == before
     assert bpy.context.view_layer.objects.active == other and other.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")

@@ -51,3 +51,15 @@ def test_net_size(addon):
     assert settings_group.to_core(group()).control_points == (12, 20)
     changed = settings_group.to_core(group(), {"control_points": (9, 8)})
     assert changed.control_points == (9, 8)
+
+
+def test_folder_of_model_files_reaches_the_core(tmp_path, monkeypatch):
+    from types import SimpleNamespace
+
+    preferences = load("bsface_addon.preferences")
+    face_models = load("core.evidence.face_models")
+    monkeypatch.setenv(preferences.VARIABLE, "")
+    preferences.tell_core(SimpleNamespace(models=str(tmp_path)))
+    assert tmp_path in face_models.model_folders()
+    preferences.tell_core(SimpleNamespace(models=""))
+    assert tmp_path not in face_models.model_folders()
