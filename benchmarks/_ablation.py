@@ -6,10 +6,12 @@ they live for the time of the run (`Variant.patches`).
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,7 +19,7 @@ from unittest import mock
 
 import numpy as np
 from _methods import run
-from _sets import FaceSet, score
+from _sets import FaceSet, each_set, load_measure, load_set, score
 from _table import averages, text_table, write_csv
 from bsface.evidence.gather import Gathered, gather
 from bsface.settings import Settings
@@ -150,54 +152,69 @@ COLUMNS = (
 
 
 def run_ablation(
-    sets: Sequence[FaceSet],
-    measure: ModuleType,
+    data: Path,
+    names: Sequence[str],
     settings: Settings,
     groups: Sequence[str],
     out: Path,
+    jobs: int = 1,
 ) -> None:
     """Run and print the ablation; ``ablation.csv`` is written after each set.
 
     Parameters
     ----------
-    sets : sequence of FaceSet
-    measure : module
-        ``evaluate.py``.
+    data : Path
+        Folder of the sets.
+    names : sequence of str
+        Sets.
     settings : Settings
         The default that is changed.
     groups : sequence of str
         Of `GROUPS`.
     out : Path
         Folder.
+    jobs : int
+        Number of processes.
     """
     unknown = sorted(set(groups) - set(GROUPS))
     if unknown:
         raise SystemExit(f"no group {', '.join(unknown)}: {', '.join(GROUPS)}.")
-    variants = [("", Variant("default"))]
-    variants += [(group, variant) for group in groups for variant in GROUPS[group]]
     rows: list[dict[str, Any]] = []
-    for one in sets:
-        started = time.perf_counter()
-        gathered = gather(one.photos, replace(settings, landmarks="468"))
-        print(f"\n{one.name}: landmarks {time.perf_counter() - started:.0f} s")
-        template_row = {"group": "", "variant": "template alone", "set": one.name}
-        template = load_template()
-        outcome = run("template", gathered, template, settings)
-        if outcome.face is not None:
-            template_row |= numbers(score(measure, outcome.face, one))
-        rows.append(template_row)
-        for group, variant in variants:
-            row = {"group": group, "variant": variant.name, "set": one.name}
-            row |= one_variant(variant, one, gathered, template, measure, settings)
-            rows.append(row)
-            print(
-                f"  {variant.name}: "
-                + (row["note"] or f"{row['mean']:.2f} %, {row['normals']:.1f} degrees"),
-                flush=True,
-            )
+    work = partial(ablate_set, data=data, settings=settings, groups=tuple(groups))
+    for found in each_set(work, names, jobs):
+        rows += found
         write_csv(out / "ablation.csv", rows)
     print("\n" + text_table(summary(rows), COLUMNS, [("variant", "variant")]))
-    print(f"\nmean over {', '.join(s.name for s in sets)}; written: {out}/ablation.csv")
+    print(f"\nmean over {', '.join(names)}; written: {out}/ablation.csv")
+
+
+def ablate_set(
+    name: str, data: Path, settings: Settings, groups: Sequence[str]
+) -> list[dict[str, Any]]:
+    """All variants on one set, after the template alone and the default."""
+    logging.getLogger("bsface").setLevel(logging.ERROR)
+    measure, one = load_measure(data), load_set(data, name)
+    started = time.perf_counter()
+    gathered = gather(one.photos, replace(settings, landmarks="468"))
+    print(f"\n{name}: landmarks {time.perf_counter() - started:.0f} s", flush=True)
+    template = load_template()
+    first: dict[str, Any] = {"group": "", "variant": "template alone", "set": name}
+    outcome = run("template", gathered, template, settings)
+    if outcome.face is not None:
+        first |= numbers(score(measure, outcome.face, one))
+    rows = [first]
+    variants = [("", Variant("default"))]
+    variants += [(group, variant) for group in groups for variant in GROUPS[group]]
+    for group, variant in variants:
+        row = {"group": group, "variant": variant.name, "set": name}
+        row |= one_variant(variant, one, gathered, template, measure, settings)
+        rows.append(row)
+        print(
+            f"  {name}, {variant.name}: "
+            + (row["note"] or f"{row['mean']:.2f} %, {row['normals']:.1f} degrees"),
+            flush=True,
+        )
+    return rows
 
 
 def one_variant(

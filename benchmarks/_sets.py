@@ -7,15 +7,19 @@ data folder above and is imported from there, so that everybody is measured alik
 from __future__ import annotations
 
 import importlib.util
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from _faces import Face
 
 ROOT = Path(__file__).resolve().parents[1]
+Result = TypeVar("Result")
 EVAL = ROOT.parent / "shared" / "eval"
 GIVEN_TEMPLATE = ROOT.parent / "shared" / "template" / "template_40x40.npz"
 
@@ -122,6 +126,22 @@ def load_set(data: Path, name: str) -> FaceSet:
     with np.load(data / name / "ground_truth.npz", allow_pickle=False) as z:
         truth = {k: z[k] for k in z.files}
     return FaceSet(name, data / name / "images", truth)
+
+
+def each_set(
+    work: Callable[[str], Result], names: Sequence[str], jobs: int
+) -> Iterator[Result]:
+    """Results of ``work(name)`` in the order of the names, in ``jobs`` processes.
+
+    ``work`` must be picklable (a `functools.partial` of a function of a module).
+    """
+    if jobs == 1:
+        yield from map(work, names)
+        return
+    # Not forked: OpenCV's threads do not survive that.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        yield from pool.map(work, names)
 
 
 def score(measure: ModuleType, face: Face, of: FaceSet) -> Score:

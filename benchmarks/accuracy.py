@@ -21,16 +21,19 @@ import argparse
 import json
 import logging
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from _ablation import GROUPS, run_ablation
 from _methods import available, run
 from _page import SetPictures, set_pictures, write_page
 from _reliability import reliability, reliability_table
-from _sets import EVAL, ROOT, FaceSet, find_sets, load_measure, load_set, score
+from _sets import EVAL, ROOT, each_set, find_sets, load_measure, load_set, score
 from _table import COLUMNS, averages, text_table, write_csv
 from bsface.errors import ReconstructionError
-from bsface.evidence.gather import Gathered, gather
+from bsface.evidence.gather import gather
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 
@@ -38,60 +41,85 @@ from bsface.surface.template import load_template
 ABLATION_SETS = ["ict-a/S1", "ict-b/S1", "mh-c/S1"]
 
 
+@dataclass(frozen=True)
+class SetResult:
+    """Everything about one set: rows of the tables, and pictures."""
+
+    rows: list[dict[str, object]]
+    pictures: SetPictures
+    spread: list[dict[str, object]]
+
+
 def main() -> None:
     """Run the command line."""
     options = arguments()
-    # What the photos cannot tell is said for one face, not for every row of a table.
-    logging.getLogger("bsface").setLevel(logging.ERROR)
     settings = changed_settings(options.setting)
-    measure = load_measure(options.data)
+    load_measure(options.data)
     wanted = options.sets
     if wanted is None and options.ablation is not None and options.data == EVAL:
         wanted = ABLATION_SETS
     names = find_sets(options.data, wanted)
     if options.ablation is not None:
-        run_ablation(
-            [load_set(options.data, name) for name in names],
-            measure,
-            settings,
-            options.ablation or list(GROUPS),
-            options.out,
-        )
+        groups = options.ablation or list(GROUPS)
+        run_ablation(options.data, names, settings, groups, options.out, options.jobs)
         return
-    methods = available(options.methods)
-    template = load_template().resampled(settings.control_points)
-    rows: list[dict[str, object]] = []
-    pictures: list[SetPictures] = []
-    spread: list[dict[str, object]] = []
-    for name in names:
-        one = load_set(options.data, name)
-        gathered, seconds = gathered_of(one, settings)
-        total = len(gathered.photos) + len(gathered.failures)
-        print(f"\n{name}: {total} photos, landmarks {seconds:.0f} s", flush=True)
-        drawn = {}
-        for method in methods:
-            outcome = run(method, gathered, template, settings)
-            row: dict[str, object] = {"set": name, "method": method}
-            if outcome.face is not None:
-                found = score(measure, outcome.face, one)
-                row |= {k: getattr(found, k) for k, _, _ in COLUMNS[:6]}
-                drawn[method] = (outcome.face.moved(found.transform), found)
-                spread += reliability(one, method, outcome.result, found)
-            if outcome.used:
-                row["used"] = outcome.used / total
-                row["seconds"] = seconds + outcome.seconds
-                row["landmark_seconds"] = seconds
-            row["note"] = outcome.note
-            rows.append(row)
-            print("  " + one_line(row), flush=True)
-        pictures.append(set_pictures(one, drawn))
+    work = partial(
+        run_set,
+        data=options.data,
+        methods=available(options.methods),
+        settings=settings,
+    )
+    done: list[SetResult] = []
+    for found in each_set(work, names, options.jobs):
+        done.append(found)
+        rows = [row for one in done for row in one.rows]
+        spread = [row for one in done for row in one.spread]
         # After each set, so that a long run that is stopped leaves what it has.
         write_csv(options.out / "accuracy.csv", rows)
-        write_page(options.out / "accuracy.html", rows, pictures, settings, spread)
-    if spread:
         write_csv(options.out / "reliability.csv", spread)
+        pictures = [one.pictures for one in done]
+        write_page(options.out / "accuracy.html", rows, pictures, settings, spread)
     report(rows, spread)
     print(f"\nwritten: {options.out}/accuracy.csv, {options.out}/accuracy.html")
+
+
+def run_set(
+    name: str, data: Path, methods: Sequence[str], settings: Settings
+) -> SetResult:
+    """All methods on one set."""
+    # What the photos cannot tell is said for one face, not for every row of a table.
+    logging.getLogger("bsface").setLevel(logging.ERROR)
+    measure, one = load_measure(data), load_set(data, name)
+    template = load_template().resampled(settings.control_points)
+    rows: list[dict[str, object]] = []
+    spread: list[dict[str, object]] = []
+    drawn = {}
+    started = time.perf_counter()
+    try:
+        gathered = gather(one.photos, settings)
+    except ReconstructionError as error:
+        rows = [{"set": name, "method": m, "note": str(error)} for m in methods]
+        print(f"{name}: {error}", flush=True)
+        return SetResult(rows, set_pictures(one, {}), [])
+    seconds = time.perf_counter() - started
+    total = len(gathered.photos) + len(gathered.failures)
+    print(f"\n{name}: {total} photos, landmarks {seconds:.0f} s", flush=True)
+    for method in methods:
+        outcome = run(method, gathered, template, settings)
+        row: dict[str, object] = {"set": name, "method": method}
+        if outcome.face is not None:
+            found = score(measure, outcome.face, one)
+            row |= {k: getattr(found, k) for k, _, _ in COLUMNS[:6]}
+            drawn[method] = (outcome.face.moved(found.transform), found)
+            spread += reliability(one, method, outcome.result, found)
+        if outcome.used:
+            row["used"] = outcome.used / total
+            row["seconds"] = seconds + outcome.seconds
+            row["landmark_seconds"] = seconds
+        row["note"] = outcome.note
+        rows.append(row)
+        print("  " + one_line(row), flush=True)
+    return SetResult(rows, set_pictures(one, drawn), spread)
 
 
 def arguments() -> argparse.Namespace:
@@ -106,6 +134,9 @@ def arguments() -> argparse.Namespace:
         "--ablation", nargs="*", metavar="GROUP", help=f"of {', '.join(GROUPS)}"
     )
     parser.add_argument("--setting", action="append", default=[], metavar="NAME=VALUE")
+    parser.add_argument(
+        "--jobs", type=int, default=1, help="sets at a time (the seconds then suffer)"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "accuracy")
     return parser.parse_args()
 
@@ -125,23 +156,13 @@ def changed_settings(pairs: list[str]) -> Settings:
         raise SystemExit(str(error)) from None
 
 
-def gathered_of(one: FaceSet, settings: Settings) -> tuple[Gathered, float]:
-    """Photos and landmarks of a set, and how long they took."""
-    started = time.perf_counter()
-    try:
-        gathered = gather(one.photos, settings)
-    except ReconstructionError as error:
-        raise SystemExit(str(error)) from None
-    return gathered, time.perf_counter() - started
-
-
 def one_line(row: dict[str, object]) -> str:
     """A row as it is finished."""
     if row["note"]:
-        return f"{row['method']}: failed: {row['note']}"
+        return f"{row['set']}, {row['method']}: failed: {row['note']}"
     return (
-        f"{row['method']}: mean {row['mean']:.2f} %, normals {row['normals']:.1f} "
-        f"degrees, {row.get('seconds', 0):.0f} s"
+        f"{row['set']}, {row['method']}: mean {row['mean']:.2f} %, "
+        f"normals {row['normals']:.1f} degrees, {row.get('seconds', 0):.0f} s"
     )
 
 
