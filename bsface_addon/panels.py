@@ -172,6 +172,8 @@ class BSFACE_PT_landmarks(BSFacePanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.enabled = bool(row.landmarks)
         column.operator("bsface.landmarks_edit", icon="EDITMODE_HLT")
+        if row.faces > 1 or row.status == "other_person":
+            layout.operator("bsface.face_next", icon="USER")
         pair = layout.row(align=True)
         pair.operator("bsface.landmarks_import", text="Import", icon="IMPORT")
         pair.operator("bsface.landmarks_export", text="Export", icon="EXPORT")

@@ -219,6 +219,35 @@ def detect(request, progress=None):
     )
 
 
+def next_face(path, name, scheme, current):
+    """Landmarks of the next face to the right in a photo, after the last the first.
+
+    Parameters
+    ----------
+    scheme : str
+        Landmark scheme.
+    current : core Landmarks or None
+        Of the face that is chosen now.
+
+    Raises
+    ------
+    ReconstructionError
+        No face was found.
+    """
+    from ..core.evidence.faces_in import faces_in
+    from ..core.settings import Settings
+
+    found = faces_in(path, name, Settings(landmarks=scheme))
+    if not found:
+        raise ReconstructionError(found.reason)
+    if current is None:
+        return found[0]
+    middles = [
+        abs(face.points.mean(0) - current.points.mean(0)).sum() for face in found
+    ]
+    return found[(middles.index(min(middles)) + 1) % len(found)]
+
+
 def hints(gathered):
     """Sentences on the views that are missing, before anything is solved."""
     import numpy as np

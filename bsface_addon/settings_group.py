@@ -24,7 +24,8 @@ LABELS = {
     "modes": "Identity Modes",
     "smooth_mm": "Smoothness (mm)",
     "smooth_length": "Smoothness Length",
-    "harmonics": "Light Harmonics",
+    "light_degree": "Light Degree",
+    "shadows": "Own Shadows",
     "finest_blur_mm": "Finest Blur (mm)",
     "expressions": "Photos with Expressions",
     "lam": "Lambda",
@@ -41,9 +42,13 @@ CHOICES = {
         "68": ("68", "The iBUG points"),
         "40": ("40", "The paper's points"),
     },
-    "harmonics": {
-        "9": ("9", "Second order"),
-        "4": ("4", "First order, as in the paper"),
+    "light_degree": {
+        "1": ("1", "Four numbers for each light, as in the paper"),
+        "2": ("2", "Nine numbers: soft light"),
+        "3": ("3", "Sixteen numbers"),
+        "4": ("4", "Twenty-five numbers: hard light too"),
+        "5": ("5", "Thirty-six numbers"),
+        "6": ("6", "Forty-nine numbers"),
     },
 }
 # Shown first; all others are for those who know the method.
@@ -79,7 +84,7 @@ def to_core(group, changes=None):
     """
     values = {name: _exact(getattr(group, name)) for name in NAMES}
     values["control_points"] = tuple(values.pop(name) for name in POINTS)
-    values["harmonics"] = int(values["harmonics"])
+    values["light_degree"] = int(values["light_degree"])
     return Settings.from_dict({**values, **(changes or {})})
 
 

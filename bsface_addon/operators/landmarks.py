@@ -109,6 +109,33 @@ class BSFACE_OT_landmarks_done(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class BSFACE_OT_face_next(RowOperator, bpy.types.Operator):
+    """Take the next face of this photo, where it shows several people"""
+
+    bl_idname = "bsface.face_next"
+    bl_label = "Next Face"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        row = self.row(context)
+        if row is None:
+            return {"CANCELLED"}
+        if landmark_editor.editor() is not None:
+            bpy.ops.bsface.landmarks_done(keep=False)
+        scheme = context.scene.bsface.settings.landmarks
+        now = photo_list.landmarks(row)
+        try:
+            found = pipeline.next_face(photo_list.absolute(row), row.name, scheme, now)
+        except ReconstructionError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        # Chosen by a person: detection must not undo it.
+        photo_list.keep_landmarks(row, replace(found, source="hand"))
+        row.status, row.reason = "found", ""
+        self.report({"INFO"}, messages.FACES.format(count=found.faces))
+        return {"FINISHED"}
+
+
 class LandmarkFile(RowOperator):
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
     filter_glob: StringProperty(default="*.pts;*.json", options={"HIDDEN"})
@@ -203,6 +230,7 @@ CLASSES = (
     BSFACE_OT_landmarks_detect,
     BSFACE_OT_landmarks_edit,
     BSFACE_OT_landmarks_done,
+    BSFACE_OT_face_next,
     BSFACE_OT_landmarks_import,
     BSFACE_OT_landmarks_export,
     BSFACE_OT_landmarks_clear,

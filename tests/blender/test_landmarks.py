@@ -185,3 +185,22 @@ def test_known_landmarks_go_into_the_next_run(rows, solved):
     bpy.ops.bsface.reconstruct()
     (request,) = solved
     assert list(request.landmarks) == ["0.png"]
+
+
+def test_another_face_of_the_photo_can_be_chosen(rows, monkeypatch):
+    import dataclasses
+
+    faces_in = load("core.evidence.faces_in")
+    left = some("1.png", "468", 468)
+    right = dataclasses.replace(left, points=left.points + (200, 0))
+    monkeypatch.setattr(faces_in, "faces_in", lambda *_: (left, right))
+    xs = []
+    for _ in range(3):
+        bpy.ops.bsface.face_next(photo="1.png")
+        xs.append(photo_list.landmarks(rows[1]).points[0, 0])
+    np.testing.assert_allclose(np.diff(xs), [200, -200], atol=1e-2)
+    assert photo_list.landmarks(rows[1]).source == "hand"
+    failure = PhotoFailure("1.png", "no_face", "No face was found in 1.png.")
+    monkeypatch.setattr(faces_in, "faces_in", lambda *_: failure)
+    with pytest.raises(RuntimeError, match="No face was found"):
+        bpy.ops.bsface.face_next(photo="1.png")
