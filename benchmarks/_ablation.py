@@ -94,7 +94,7 @@ GROUPS: dict[str, list[Variant]] = {
         Variant("no expressions", {"expressions": False}),
     ],
     "light": [
-        Variant("4 harmonics", {"harmonics": 4}),
+        Variant("light of degree 1", {"light_degree": 1}),
         Variant(
             "no robust weights",
             patches={"bsface.evidence.photometric._robust": _equal_weights},

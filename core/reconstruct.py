@@ -194,7 +194,8 @@ def joint_options(settings: Settings) -> JointOptions:
         levels=levels,
         noise=settings.intensity_noise,
         independence=settings.independence,
-        order=settings.harmonics,
+        degree=settings.light_degree,
+        shadows=settings.shadows,
         distance_mm=settings.distance_mm,
     )
 

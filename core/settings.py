@@ -15,10 +15,10 @@ NUMBER = (int, float, np.integer, np.floating)
 CHOICES: dict[str, tuple] = {
     "method": METHODS,
     "landmarks": SCHEMES,
-    "harmonics": (4, 9),
+    "light_degree": (1, 2, 3, 4, 5, 6),
 }
-SWITCHES = ("detector", "perspective", "expressions")
-WHOLE = ("harmonics", "iterations", "outer_passes")
+SWITCHES = ("detector", "perspective", "expressions", "shadows")
+WHOLE = ("light_degree", "iterations", "outer_passes")
 
 # Inclusive limits of the numeric settings, for validation and for user interfaces.
 LIMITS: dict[str, tuple[float, float]] = {
@@ -74,8 +74,11 @@ class Settings:
     smooth_mm, smooth_length : float
         Standard deviation (mm) and correlation length (of the parameter square) of the
         displacement that the modes cannot express.
-    harmonics : int
-        Light as 9 or (the paper's) 4 spherical harmonics.
+    light_degree : int
+        Of the spherical harmonics of each photo's light: 1 is the paper's model (four
+        numbers), 2 suffices without shadows, 4 (25 numbers) follows hard light.
+    shadows : bool
+        Account for the shadows that the face casts on itself.
     intensity_noise : float
         Cauchy scale of intensities, relative to the photo's median.
     independence : float
@@ -104,9 +107,10 @@ class Settings:
     expression_modes: float = 0.7
     smooth_mm: float = 1.0
     smooth_length: float = 0.12
-    harmonics: int = 9
+    light_degree: int = 4
+    shadows: bool = True
     intensity_noise: float = 0.06
-    independence: float = 0.1
+    independence: float = 0.5
     finest_blur_mm: float = 1.0
     iterations: int = 5
     outer_passes: int = 3

@@ -138,9 +138,11 @@ def occlusion(
     return hidden_in(cover, camera, points)
 
 
-def hidden_in(cover: Array, camera: Camera, points: Array) -> NDArray[np.bool_]:
+def hidden_in(
+    cover: Array, camera: Camera, points: Array, cell_mm: float = CELL
+) -> NDArray[np.bool_]:
     """As `occlusion`, for a surface that is given by dense points."""
-    cell = CELL * camera.s
+    cell = cell_mm * camera.s
     both = np.concatenate([cover, points])
     depth = both @ camera.R[2]
     at = np.floor(camera.project(both) / cell).astype(np.int64)

@@ -145,8 +145,11 @@ def bake_texture(
     measured = measured_places(weight)
     counts = (weight > 0.15 * np.percentile(weight, 99)).sum(axis=0)
     average = weight
+    # The weights know the expression; it matters for the mouth, hardly for the eyes.
+    front = _frontality(cameras)
+    mouth = front * calm * _closed_mouth(reconstruction)
     weight = choose_where_disagreeing(
-        weight, agreement, coarse, base, _frontality(cameras), calm
+        weight, agreement, coarse, base, front / calm, mouth
     )
     total = np.maximum(weight.sum(axis=0), 1e-12)[..., None]
     base = fill((weight[..., None] * coarse).sum(axis=0) / total, measured)
@@ -248,6 +251,28 @@ def _calmness(reconstruction: Any) -> npt.NDArray[np.float32]:
         return np.ones(len(reconstruction.photos), np.float32)
     size = (np.asarray(expressions, float) ** 2).sum(axis=1)
     return (1 / (1 + size / max(float(np.median(size)), 1.0)) ** 2).astype(np.float32)
+
+
+def _closed_mouth(reconstruction: Any) -> npt.NDArray[np.float64]:
+    """(n,) 1 for closed lips, falling with the gap between them.
+
+    The surface has closed lips: teeth on it would be painted skin.
+    """
+    # Inner lip of the 68 iBUG points: above, below, right and left corner.
+    inner = np.array([62, 66, 60, 64])
+    scheme68 = reconstruction.template.schemes.get("68")
+    closed = np.ones(len(reconstruction.photos))
+    for i, marks in enumerate(reconstruction.landmarks):
+        points = np.asarray(marks.points, float)
+        if marks.scheme == "468" and scheme68 is not None:
+            points = points[np.asarray(scheme68)]
+        elif marks.scheme != "68":
+            continue
+        above, below, right, left = points[inner]
+        width = max(float(np.linalg.norm(left - right)), 1e-9)
+        gap = float(np.linalg.norm(below - above)) / width
+        closed[i] = 1 / (1 + (gap / 0.06) ** 2)
+    return closed
 
 
 def _frontality(cameras: Any) -> npt.NDArray[np.float64]:

@@ -100,14 +100,24 @@ def choose_where_disagreeing(
     agreement: Picture,
     delit: Picture,
     base: Picture,
-    frontality: npt.NDArray[np.float64],
-    calm: npt.NDArray[np.float32],
+    eyes: npt.NDArray[np.float64],
+    mouth: npt.NDArray[np.float64],
 ) -> Picture:
     """Weights that pick one photo where details disagree and average elsewhere.
 
     The mean of different gazes, or of hair that moved, is a smear. There the weights
     are raised to a power, so that the best of the typical photos wins. Only detail
     counts: a shadow is a broad difference, and averaging is what removes it.
+
+    Parameters
+    ----------
+    weight, agreement : (n, S, S) arrays
+    delit : (n, S, S, 3) array
+        Photos divided by their light.
+    base : (S, S, 3) array
+        Their robust mean.
+    eyes, mouth : (n,) arrays
+        How willingly each photo is chosen in the upper and in the lower half.
     """
     level = np.maximum(base.mean(axis=2), 1e-4)
     fine = np.stack([d - cv2.GaussianBlur(d, (0, 0), COARSE / 64) for d in delit])
@@ -124,11 +134,7 @@ def choose_where_disagreeing(
     # would look in different directions.
     typical = np.empty_like(weight)
     middle = round(_EYES_END * COARSE)
-    # The weights know the expression already; it matters for the mouth, not the eyes.
-    for half, prior in (
-        (slice(0, middle), frontality / calm),
-        (slice(middle, COARSE), frontality * calm),
-    ):
+    for half, prior in ((slice(0, middle), eyes), (slice(middle, COARSE), mouth)):
         chosen = (weight * agreement * rise)[:, half].sum(axis=(1, 2)) * prior
         typical[:, half] = (chosen / max(float(chosen.max()), 1e-12))[:, None, None]
     sees = weight / (weight + 0.2 * weight.max(axis=(1, 2), keepdims=True) + 1e-12)

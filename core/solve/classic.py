@@ -140,7 +140,7 @@ def _robust(sample, uv: Array, settings: Settings) -> Steps | Any:
             M,
             view,
             surface.normals(*uv.T),
-            order=settings.harmonics,
+            order=4 if settings.light_degree == 1 else 9,
             noise=settings.intensity_noise,
         )
         total = W.sum(0)

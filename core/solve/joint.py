@@ -34,6 +34,7 @@ from ..evidence.photometric import (
 )
 from ..evidence.photos import Photo
 from ..evidence.sampling import smooth_photo, view_weights
+from ..evidence.shadowing import sky
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.prior import ShapePrior
 from ..surface.template import Template
@@ -62,10 +63,11 @@ class JointOptions:
         Level(1.0, 5, 60),
     )
     noise: float = 0.06  #: Cauchy scale of intensities, of the photo's median
-    independence: float = 0.1  #: share of the samples that count as independent
+    independence: float = 0.5  #: share of the samples that count as independent
     landmark_mm: float = 1.5  #: standard deviation of a landmark in one photo
     landmark_weight: float = 0.05
-    order: int = 9  #: spherical harmonics, 4 or 9
+    degree: int = 4  #: of the light's spherical harmonics, 1 to 4
+    shadows: bool = True  #: of the face on itself
     grazing: float = 0.25
     distance_mm: float = 1200.0
     distance_spread: float = 0.25
@@ -93,12 +95,20 @@ class JointState:
     deviation: Array | None = None
 
     def evidence(self) -> PhotometricEvidence:
-        """The photometric side of this state."""
+        """The photometric side of this state, lights as nine harmonics."""
+        normals = self.surface.normals(*self.uv.T)
+        Y = self.albedo[:, None] * harmonics.basis(normals)
+        lights = np.stack(
+            [
+                np.linalg.lstsq(np.sqrt(w)[:, None] * Y, np.sqrt(w) * v, rcond=None)[0]
+                for w, v in zip(self.weights, self.values, strict=True)
+            ]
+        )
         return PhotometricEvidence(
             self.uv,
-            self.surface.normals(*self.uv.T),
+            normals,
             np.repeat(self.albedo[:, None], 3, 1),
-            self.lights,
+            lights,
             self.weights,
             self.intensity_residual,
             light_diversity(self.values, self.weights),
@@ -152,7 +162,7 @@ def refine(
     d0, a0 = (start.smooth * directions).sum(1), start.modes
     d, a = np.zeros(D.shape[0]), np.zeros(D.shape[1])
     cameras = list(start.cameras)
-    n, order = len(cameras), options.order
+    n, order = len(cameras), (options.degree + 1) ** 2
     lights = np.zeros((n, order))
     mark_uv = template.landmark_uv[seen.index]
     mark_T = basis_matrix(shape, *mark_uv.T)
@@ -171,11 +181,12 @@ def refine(
             for q, c in zip(photos, cameras, strict=True)
         ]
         albedo = np.ones(len(uv))
+        over = sky(surface, uv, options.degree, options.shadows)
         for turn_number in range(level.iterations):
             X, N = surface.evaluate(*uv.T), surface.normals(*uv.T)
             view = view_weights(surface, cameras, uv, options.grazing)
             value, h, c0 = read_photos(fields, cameras, X, T[0] @ directions, view)
-            Y = harmonics.basis(N, order)
+            Y = over.basis(N)
             lights, albedo, W, r = estimate_lighting(
                 value,
                 view * area,
@@ -189,7 +200,7 @@ def refine(
             fu, fv = surface.evaluate(*uv.T, 1, 0), surface.evaluate(*uv.T, 0, 1)
             up_u, up_v = contravariant(fu, fv)
             turn = albedo * np.einsum(
-                "ik,pkx->ipx", lights, harmonics.slope(N, order)
+                "ik,pkx->ipx", lights, over.slope(N)
             ).transpose(2, 0, 1)
             c = np.stack(
                 [

@@ -117,8 +117,10 @@ def shape_prior(
     middle = basis_matrix(shape, [0.5], [0.5]).toarray()[0]
     variance = middle @ splu(sparse.csc_array(Q)).solve(middle)
     Q = sparse.csr_array(Q * (variance / smooth_mm**2))
-    modes = np.concatenate(
-        [modes_scale * template.identity_modes, expression_scale * template.expression_modes]
-    ).reshape(-1, shape[0] * shape[1], 3)
+    scaled = (
+        modes_scale * template.identity_modes,
+        expression_scale * template.expression_modes,
+    )
+    modes = np.concatenate(scaled).reshape(-1, shape[0] * shape[1], 3)
     factor = splu(sparse.csc_array(Q), permc_spec="MMD_AT_PLUS_A")
     return ShapePrior(modes, Q, shape, factor)

@@ -96,7 +96,7 @@ def test_limits_are_inclusive(name):
             {"method": "magic"},
             "method must be one of joint, imls, paper, motion, got 'magic'.",
         ),
-        ({"harmonics": 5}, "harmonics must be one of 4, 9, got 5."),
+        ({"light_degree": 7}, "light_degree must be one of 1, 2, 3, 4, 5, 6, got 7."),
         ({"detector": "False"}, "detector must be true or false, got 'False'."),
         ({"iterations": 2.5}, "iterations must be a whole number, got 2.5."),
         ({"iterations": "5"}, "iterations must be a number, got '5'."),
@@ -139,11 +139,11 @@ def test_numbers_of_other_libraries_become_plain():
         iterations=np.int64(3),
         smooth_mm=np.float32(0.5),
         detector=np.bool_(False),
-        harmonics=4.0,
+        light_degree=2.0,
         landmarks=68,
     )
     assert made.control_points == (12, 14)
-    for name in ("iterations", "harmonics"):
+    for name in ("iterations", "light_degree"):
         assert type(getattr(made, name)) is int
     assert type(made.smooth_mm) is float
     assert made.detector is False
