@@ -28,7 +28,7 @@ GRAZING = 0.12
 #: A point is hidden when the surface in front of it is this much nearer, mm.
 DEPTH_MARGIN = 3.0
 #: Longer side of the z-buffer's picture, pixels.
-DEPTH_SIZE = 320
+DEPTH_SIZE = 220
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def _visible(
     surface: BSplineSurface, maps: SurfaceMaps, camera: Camera
 ) -> npt.NDArray[np.bool_]:
     """(S, S) bool: not hidden by the surface itself."""
-    count = 140
+    count = 110
     cover = surface.grid(count, count).reshape(-1, 3)
     flat = camera.project(cover)
     low, high = flat.min(axis=0), flat.max(axis=0)
