@@ -102,7 +102,7 @@ GROUPS: dict[str, list[Variant]] = {
         Variant("intensity noise x 0.5", times("intensity_noise", 0.5)),
         Variant("intensity noise x 2", times("intensity_noise", 2.0)),
         Variant("independence x 0.3", times("independence", 0.3)),
-        Variant("independence x 3", times("independence", 3.0)),
+        Variant("independence x 2", times("independence", 2.0)),
     ],
     "image": [
         Variant(
@@ -121,6 +121,8 @@ GROUPS: dict[str, list[Variant]] = {
         Variant("no identity modes", {"modes": 0.0}),
         Variant("identity modes x 0.5", times("modes", 0.5)),
         Variant("identity modes x 2", times("modes", 2.0)),
+        Variant("no shared expression", {"expression_modes": 0.0}),
+        Variant("shared expression x 1.5", times("expression_modes", 1.5)),
         Variant("smooth part x 0.3", times("smooth_mm", 0.3)),
         Variant("smooth part x 3", times("smooth_mm", 3.0)),
         Variant("correlation length x 0.5", times("smooth_length", 0.5)),
@@ -136,8 +138,11 @@ GROUPS: dict[str, list[Variant]] = {
         Variant("40 landmarks", landmarks="40"),
         Variant("landmark offset x 0.3", times("landmark_offset_mm", 0.3)),
         Variant("landmark offset x 2", times("landmark_offset_mm", 2.0)),
+        Variant("landmark noise x 0.5", times("landmark_noise_mm", 0.5)),
+        Variant("landmark noise x 2", times("landmark_noise_mm", 2.0)),
     ],
-    "photos": [Variant(f"{n} photos", photos=n) for n in (1, 3, 5, 10, 20)],
+    "photos": [Variant("1 photo", photos=1)]
+    + [Variant(f"{n} photos", photos=n) for n in (3, 5, 10, 20)],
 }
 
 COLUMNS = (
