@@ -39,7 +39,9 @@ def sun(coefficients):
     length = float(np.linalg.norm(first))
     if not length > 0:
         return np.array([0.0, 0.0, 1.0]), 0.0
-    return first / length, math.pi * length
+    # A sun of strength E shades with E/pi max(0, cos), whose part of first order is
+    # E/pi cos / 2.
+    return first / length, 2 * math.pi * length
 
 
 def add(face, name, coefficients, photo_name, collection):

@@ -114,7 +114,8 @@ def show(face, kind):
             links.remove(link)
     if kind == "PLAIN":
         links.new(skin.outputs["BSDF"], output.inputs["Surface"])
-        nodes.active = skin
+        # Solid view keeps to the last active image; one without a picture ends that.
+        nodes.active = nodes["Plain"]
     else:
         texture = nodes.get(kind)
         if texture is None or texture.image is None:
@@ -139,6 +140,7 @@ def _nodes(material):
         ("Output", "ShaderNodeOutputMaterial", (300, 0)),
         ("Skin", "ShaderNodeBsdfPrincipled", (0, 0)),
         ("Flat", "ShaderNodeEmission", (0, -420)),
+        ("Plain", "ShaderNodeTexImage", (-340, 300)),
     ):
         node = nodes.new(kind)
         node.name, node.location = name, place

@@ -82,9 +82,13 @@ class BSFACE_OT_photos_add(bpy.types.Operator):
         from ...core.evidence.photos import list_photos
 
         folder = Path(bpy.path.abspath(self.directory))
-        names = [item.name for item in self.files if item.name]
+        chosen = [folder / item.name for item in self.files if item.name] or [folder]
         try:
-            paths = [folder / name for name in names] or list_photos(folder)
+            paths = [
+                path
+                for item in chosen
+                for path in (list_photos(item) if item.is_dir() else [item])
+            ]
         except ReconstructionError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -48,6 +48,12 @@ def test_same_names_of_two_folders_are_told_apart_as_the_core_does(rows, tmp_pat
     assert len(set(names())) == 6
 
 
+def test_a_chosen_folder_is_added_whole(addon, tmp_path):
+    faces.photo_files(tmp_path / "photos")
+    bpy.ops.bsface.photos_add(directory=str(tmp_path), files=[{"name": "photos"}])
+    assert names() == ["0.png", "1.png", "2.png"]
+
+
 def test_a_folder_without_photos_is_refused_in_one_sentence(addon, tmp_path):
     with pytest.raises(RuntimeError, match="holds no photos"):
         bpy.ops.bsface.photos_add(directory=str(tmp_path))

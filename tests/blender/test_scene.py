@@ -104,7 +104,9 @@ def test_suns_shine_from_where_the_light_came(empty_scene, tmp_path):
         shines = sun.matrix_world.to_3x3() @ Vector((0, 0, -1))
         towards = face.matrix_world.to_3x3() @ Vector(harmonics[1:4])
         assert shines.normalized().dot(towards.normalized()) < -0.9999
-        assert sun.data.energy == pytest.approx(np.pi * np.linalg.norm(harmonics[1:4]))
+        assert sun.data.energy == pytest.approx(
+            2 * np.pi * np.linalg.norm(harmonics[1:4])
+        )
 
 
 def test_facts_stay_with_the_object(empty_scene, tmp_path):
@@ -217,3 +219,13 @@ def test_removing_a_face_removes_what_belongs_to_it(empty_scene, tmp_path):
     face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
     scene.remove_face(bpy.context, face)
     assert everything() == before
+
+
+def test_sun_has_the_first_order_of_the_light_it_stands_for():
+    """The clamped cosine of the sun, projected on the linear harmonics."""
+    direction, energy = lights.sun(np.array([1.0, 0, 0.3, 0.4, 0, 0, 0, 0, 0]))
+    normals = np.random.default_rng(0).normal(size=(200_000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    shading = energy / np.pi * np.maximum(normals @ direction, 0)
+    linear = 3 * (normals * shading[:, None]).mean(axis=0)
+    np.testing.assert_allclose(linear, [0, 0.3, 0.4], atol=0.01)
