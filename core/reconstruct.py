@@ -8,7 +8,7 @@ import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from .result import PhotoReport, Reconstruction
 from .settings import Settings
 from .solve.bundle import Bundle, BundleOptions, Observations, adjust
 from .solve.classic import run_imls
+from .solve.expression import expression_moves, settle_expressions
 from .solve.frame import head_frame
 from .solve.joint import JointOptions, Level, refine
 from .surface.bspline import BSplineSurface
@@ -117,36 +118,33 @@ def solve(
     clock.tell("motion", 1, 1, "poses and landmarks adjusted together")
     clock.lap("motion")
     method = settings.method
-    few = len(gathered.photos) < FEWEST_FOR_SHADING
+    progress = _Progress(history, clock)
     evidence: PhotometricEvidence | None = None
     deviation: Array | None = None
     if method in ("imls", "paper"):
-        surface, cams, evidence = _classic(
-            gathered, template, seen, settings, history, clock
-        )
-        structure = surface.evaluate(*template.landmark_uv[seen.index].T)
-    elif method == "motion" or few:
-        surface, cams, structure = bundle.surface, bundle.cameras, bundle.structure
+        shown, evidence = _classic(gathered, template, seen, settings, bundle, progress)
+    elif method == "motion" or len(gathered.photos) < FEWEST_FOR_SHADING:
+        shown, _ = settle_expressions(bundle, template, seen)
     else:
-        surface, cams, structure, evidence, deviation = _joint(
-            gathered, template, prior, seen, bundle, settings, history, clock
+        shown, evidence, deviation = _joint(
+            gathered, template, prior, seen, bundle, settings, progress
         )
     clock.lap("refine")
     result = Reconstruction(
-        surface=surface,
+        surface=shown.surface,
         template=template,
         photos=gathered.photos,
         landmarks=gathered.landmarks,
-        cameras=cams,
+        cameras=shown.cameras,
         photometric=evidence,
         reports=(),
         confidence=deviation,
         settings=settings,
         history=tuple(history),
-        expressions=bundle.expressions,
+        expressions=shown.expressions,
     )
     result = _in_head_frame(result)
-    reports = _photo_reports(gathered, template, cams, seen, structure, evidence)
+    reports = _photo_reports(gathered, template, shown, seen, evidence)
     warnings = shortcomings(
         np.array([c.yaw_pitch_roll for c in result.cameras]),
         None if evidence is None else evidence.singular_values,
@@ -200,17 +198,19 @@ def joint_options(settings: Settings) -> JointOptions:
     )
 
 
-def _joint(gathered, template, prior, seen, bundle: Bundle, settings, history, clock):
+def _joint(gathered, template, prior, seen, bundle: Bundle, settings, progress):
     options = joint_options(settings)
     total = sum(level.iterations for level in options.levels)
+    bundle, weights = settle_expressions(bundle, template, seen)
     state = None
     for k, state in enumerate(
-        refine(template, prior, bundle, gathered.photos, seen, options)
+        refine(template, prior, bundle, gathered.photos, seen, options, weights)
     ):
-        history.append(
+        progress.history.append(
             {"stage": "refine", "residual": state.residual, "step_mm": state.step_mm}
         )
-        clock.tell("refine", k + 1, total, f"largest step {state.step_mm:.2f} mm")
+        message = f"largest step {state.step_mm:.2f} mm"
+        progress.clock.tell("refine", k + 1, total, message)
     assert state is not None
     uv = template.landmark_uv[seen.index]
     moved = bundle.structure + state.surface.evaluate(*uv.T)
@@ -218,23 +218,36 @@ def _joint(gathered, template, prior, seen, bundle: Bundle, settings, history, c
     deviation = None
     if state.deviation is not None:
         deviation = state.deviation.reshape(template.surface.shape)
-    return state.surface, state.cameras, moved, state.evidence(), deviation
+    shown = replace(
+        bundle, surface=state.surface, cameras=state.cameras, structure=moved
+    )
+    return shown, state.evidence(), deviation
 
 
-def _classic(gathered, template, seen, settings, history, clock):
+def _classic(gathered, template, seen, settings, bundle: Bundle, progress):
     def on_state(state) -> None:
-        history.append(
+        progress.history.append(
             {"stage": state.stage, "step_mm": state.change_mm, **dict(state.figures)}
         )
         done = state.outer - (0 if state.finished else 0.5)
-        clock.tell(
+        progress.clock.tell(
             "refine",
             int(2 * done),
             2 * settings.outer_passes,
             f"pass {state.outer}, {state.stage}: moved {state.change_mm:.2f} mm",
         )
 
-    return run_imls(gathered.photos, template, seen, settings, on_state)
+    surface, cameras, evidence = run_imls(
+        gathered.photos, template, seen, settings, on_state
+    )
+    shown = replace(
+        bundle,
+        surface=surface,
+        cameras=cameras,
+        structure=surface.evaluate(*template.landmark_uv[seen.index].T),
+        expressions=np.zeros_like(bundle.expressions),
+    )
+    return shown, evidence
 
 
 def _linear_cameras(gathered, template, seen, settings) -> list[Camera]:
@@ -286,16 +299,17 @@ def _in_head_frame(result: Reconstruction) -> Reconstruction:
     )
 
 
-def _photo_reports(gathered, template, cameras, seen, structure, evidence):
+def _photo_reports(gathered, template, shown: Bundle, seen, evidence):
     """One line a photo, in the order of their names."""
     reports = [PhotoReport(f.name, f.code, f.reason) for f in gathered.failures]
+    moves = expression_moves(template, seen, shown.expressions.shape[1])
     for i, photo in enumerate(gathered.photos):
         known = seen.weight[i] > 0
-        away = np.linalg.norm(
-            cameras[i].project(structure) - seen.pixels[i], axis=1
-        )
-        eye = cameras[i].s * template.eye_distance
-        yaw, pitch, roll = cameras[i].yaw_pitch_roll
+        camera = shown.cameras[i]
+        points = shown.structure + moves @ shown.expressions[i]
+        away = np.linalg.norm(camera.project(points) - seen.pixels[i], axis=1)
+        eye = camera.s * template.eye_distance
+        yaw, pitch, roll = camera.yaw_pitch_roll
         residual = weight = float("nan")
         if evidence is not None:
             w = evidence.weights[i]
@@ -322,6 +336,13 @@ def _photo_reports(gathered, template, cameras, seen, structure, evidence):
 def _natural(names) -> list[str]:
     split = lambda x: [int(y) if y.isdigit() else y for y in re.split(r"(\d+)", x)]  # noqa: E731
     return sorted(names, key=split)
+
+
+class _Progress(NamedTuple):
+    """Where the stages write what they did."""
+
+    history: list[dict[str, Any]]
+    clock: _Clock
 
 
 @dataclass

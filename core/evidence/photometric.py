@@ -67,8 +67,8 @@ def estimate_lighting(
         Intensities over the median of their photo.
     view : (n, p) array
         Visibility weights.
-    Y : (p, k) array
-        Harmonics of the normals.
+    Y : (p, k) or (n, p, k) array
+        Harmonics of the normals, of all photos or of each.
     lights, albedo : (n, k), (p,) arrays
         Start; lights of zeros mean that nothing is known yet.
     noise : float
@@ -92,16 +92,17 @@ def estimate_lighting(
         albedo = np.clip((view * values).sum(0) / seen, 0.05, 5.0)
         rounds += 4
     lights = lights.copy()
-    residual = values - albedo * (lights @ Y.T)
+    Y = np.broadcast_to(Y, (n, *Y.shape[-2:]))
+    residual = values - albedo * np.einsum("ik,ipk->ip", lights, Y)
     W = view if not lights.any() else _robust(view, residual, noise)
     for _ in range(rounds):
-        design = albedo[:, None] * Y
         for i in range(n):
+            design = albedo[:, None] * Y[i]
             A = design.T @ (W[i][:, None] * design)
             scale = np.trace(A) / order + 1e-9
             A += scale * ridge * np.eye(order)
             lights[i] = np.linalg.solve(A, design.T @ (W[i] * values[i]))
-        s = lights @ Y.T
+        s = np.einsum("ik,ipk->ip", lights, Y)
         albedo = (W * s * values).sum(0) / np.maximum((W * s * s).sum(0), 1e-9)
         albedo = np.clip(albedo, 0.02, 20.0)
         residual = values - albedo * s

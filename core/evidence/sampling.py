@@ -154,7 +154,7 @@ def hidden_in(
 
 
 def view_weights(
-    surface: BSplineSurface,
+    surface: BSplineSurface | Sequence[BSplineSurface],
     cameras: Sequence[Camera],
     uv: Array,
     grazing: float = 0.25,
@@ -163,7 +163,8 @@ def view_weights(
 
     Parameters
     ----------
-    surface : BSplineSurface
+    surface : BSplineSurface, or a sequence of n
+        One for all photos, or each photo's own.
     cameras : sequence of n Camera
     uv : (p, 2) array
     grazing : float
@@ -173,11 +174,14 @@ def view_weights(
     -------
     (n, p) array
     """
-    points = surface.evaluate(*uv.T)
-    normals = surface.normals(*uv.T)
-    cover = surface.grid(161, 161).reshape(-1, 3)
     out = np.zeros((len(cameras), len(uv)))
+    own = not isinstance(surface, BSplineSurface)
+    points = normals = cover = np.zeros((0, 3))
     for i, camera in enumerate(cameras):
+        if own or i == 0:
+            face = surface[i] if own else surface
+            points, normals = face.evaluate(*uv.T), face.normals(*uv.T)
+            cover = face.grid(161, 161).reshape(-1, 3)
         cosine = (camera.toward(points) * normals).sum(1)
         seen = (cosine > grazing) & ~hidden_in(cover, camera, points)
         out[i] = np.where(seen, cosine, 0.0)

@@ -51,14 +51,12 @@ class Sky:
         """Shading by each harmonic of the light, ``(p, k)``, for `normals` (p, 3)."""
         return (self.open * np.maximum(normals @ self.directions.T, 0)) @ self.light
 
-    def slope(self, normals: Array) -> Array:
-        """Its derivative by the normal, ``(p, k, 3)``."""
+    def slopes(self, normals: Array, lights: Array) -> Array:
+        """Derivative of the shading by the normal, ``(n, p, 3)``, for lights (n, k)."""
         lit = self.open * (normals @ self.directions.T > 0)
-        count = self.light.shape[1]
-        spread = (self.light[:, :, None] * self.directions[:, None, :]).reshape(
-            len(self.directions), -1
+        return np.stack(
+            [lit @ ((self.light @ x)[:, None] * self.directions) for x in lights]
         )
-        return (lit @ spread).reshape(len(normals), count, 3)
 
 
 def sky(surface: BSplineSurface, uv: Array, degree: int, shadows: bool = True) -> Sky:

@@ -73,7 +73,10 @@ class Bundle:
     smooth : (M*N, 3) array
         The rest of the displacement from the template, mm.
     expressions : (n, k) array
-        Coefficients of the expression modes in each photo.
+        Coefficients of the template's expression modes in each photo, besides those
+        in ``modes``.
+    expression_scale : float
+        Factor on the expression modes among ``modes``.
     residual : (n, f) array
         Reprojection error, mm at the head.
     weight : (n, f) array
@@ -88,6 +91,7 @@ class Bundle:
     modes: Array
     smooth: Array
     expressions: Array
+    expression_scale: float
     residual: Array
     weight: Array
     history: tuple[float, ...]
@@ -172,7 +176,8 @@ def adjust(
         start + m,
         modes,
         smooth,
-        e,
+        options.expression * e,
+        prior.expression_scale,
         residual,
         weight,
         tuple(history),

@@ -16,8 +16,9 @@ system holds ``delta``, the identity modes, all cameras and all lights; the albe
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,18 @@ from ..evidence.photometric import (
 )
 from ..evidence.photos import Photo
 from ..evidence.sampling import smooth_photo, view_weights
-from ..evidence.shadowing import sky
+from ..evidence.shadowing import Sky, sky
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.prior import ShapePrior
 from ..surface.template import Template
 from .bundle import Bundle, Observations
-from .joint_system import add_landmarks, contravariant, normal_equations, read_photos
+from .joint_system import (
+    Blocks,
+    add_landmarks,
+    contravariant,
+    normal_equations,
+    read_photos,
+)
 
 Array = NDArray[np.float64]
 
@@ -66,9 +73,9 @@ class JointOptions:
     independence: float = 0.5  #: share of the samples that count as independent
     landmark_mm: float = 1.5  #: standard deviation of a landmark in one photo
     landmark_weight: float = 0.05
-    degree: int = 4  #: of the light's spherical harmonics, 1 to 4
+    degree: int = 4  #: of the light's spherical harmonics, 1 to 6
     shadows: bool = True  #: of the face on itself
-    grazing: float = 0.25
+    grazing: float = 0.25  #: cosine of the viewing angle below which nothing is read
     distance_mm: float = 1200.0
     distance_spread: float = 0.25
     light_ridge: float = 1e-3
@@ -77,7 +84,26 @@ class JointOptions:
 
 @dataclass(frozen=True)
 class JointState:
-    """State after one iteration of `refine`."""
+    """State after one iteration of `refine`.
+
+    Attributes
+    ----------
+    surface, cameras
+        Where the face and the photos are now.
+    uv, albedo, lights, weights, values, intensity_residual
+        The photometric side: sample points (p, 2), albedo (p,), harmonics of the light
+        (n, k), robust weights, intensities and residuals (n, p).
+    residual : float
+        Root mean square of the weighted residuals.
+    step_mm : float
+        Largest movement of the surface in this iteration.
+    level : int
+    modes : (k,) array
+        Coefficients of the prior's modes, start included.
+    deviation : (M*N,) array or None
+        Standard deviation of the control points along their normals, mm; with the last
+        state only.
+    """
 
     surface: BSplineSurface
     cameras: tuple[Camera, ...]
@@ -85,13 +111,12 @@ class JointState:
     albedo: Array
     lights: Array
     weights: Array
+    values: Array
+    intensity_residual: Array
     residual: float
     step_mm: float
     level: int
-    displacement: Array
     modes: Array
-    values: Array
-    intensity_residual: Array
     deviation: Array | None = None
 
     def evidence(self) -> PhotometricEvidence:
@@ -125,6 +150,25 @@ def sample_grid(template: Template, grid: int) -> Array:
     return uv[keep]
 
 
+class _Samples(NamedTuple):
+    """What one level keeps: sample points and the basis there."""
+
+    uv: Array
+    T: list[sparse.csr_array]
+    area: Array
+    moves: list[Array]  # of the points and their u, v slopes by each photo's expression
+    over: Sky
+
+
+class _Unknowns(NamedTuple):
+    """Displacement of control points, modes, and the rest of the state."""
+
+    d: Array
+    a: Array
+    cameras: list[Camera]
+    lights: Array
+
+
 def refine(
     template: Template,
     prior: ShapePrior,
@@ -132,6 +176,7 @@ def refine(
     photos: Sequence[Photo],
     seen: Observations,
     options: JointOptions = JointOptions(),  # noqa: B008 (frozen)
+    photo_weights: Array | None = None,
 ) -> Iterator[JointState]:
     """Iterate the joint system from a motion result.
 
@@ -141,10 +186,13 @@ def refine(
     prior : ShapePrior
         Of the displacement from the template.
     start : Bundle
-        Surface, cameras and landmark structure to start from.
+        Surface, cameras, landmark structure and expressions to start from.
     photos : sequence of n
     seen : Observations
         Landmarks.
+    options : JointOptions
+    photo_weights : (n,) array, optional
+        How much each photo counts.
 
     Yields
     ------
@@ -153,141 +201,189 @@ def refine(
     """
     shape = start.surface.shape
     surface = reference = start.surface
-    greville = [(np.arange(c) - 1.0) / (c - 3) for c in shape]
-    gu, gv = np.meshgrid(*greville, indexing="ij")
-    directions = reference.normals(np.clip(gu, 0, 1), np.clip(gv, 0, 1)).reshape(-1, 3)
+    places = [np.clip((np.arange(c) - 1.0) / (c - 3), 0, 1) for c in shape]
+    directions = reference.normals(*np.meshgrid(*places, indexing="ij"))
+    directions = directions.reshape(-1, 3)
     D = np.einsum("kbx,bx->bk", prior.modes, directions)
-    # the prior holds the whole displacement from the template, so what the start
-    # already has counts too
-    d0, a0 = (start.smooth * directions).sum(1), start.modes
-    d, a = np.zeros(D.shape[0]), np.zeros(D.shape[1])
-    cameras = list(start.cameras)
-    n, order = len(cameras), (options.degree + 1) ** 2
-    lights = np.zeros((n, order))
+    n = len(photos)
+    weigh = np.ones(n) if photo_weights is None else photo_weights
+    own = _own_faces(template, start)
     mark_uv = template.landmark_uv[seen.index]
     mark_T = basis_matrix(shape, *mark_uv.T)
     offset = start.structure - surface.evaluate(*mark_uv.T)
-
+    offset = offset + np.stack([mark_T @ x.reshape(-1, 3) for x in own])
+    # the prior holds the whole displacement from the template, so what the start
+    # already has counts too
+    before = ((start.smooth * directions).sum(1), start.modes)
+    x = _Unknowns(
+        np.zeros(len(D)),
+        np.zeros(D.shape[1]),
+        list(start.cameras),
+        np.zeros((n, (options.degree + 1) ** 2)),
+    )
     for number, level in enumerate(options.levels):
-        uv = sample_grid(template, level.grid)
-        T = [basis_matrix(shape, *uv.T, *k) for k in ((0, 0), (1, 0), (0, 1))]
-        area = np.linalg.norm(
-            np.cross(reference.evaluate(*uv.T, 1, 0), reference.evaluate(*uv.T, 0, 1)),
-            axis=1,
-        )
-        area /= area.mean()
+        at = _samples(template, reference, surface, level, own, options)
         fields = [
             smooth_photo(q, c, level.blur_mm)
-            for q, c in zip(photos, cameras, strict=True)
+            for q, c in zip(photos, x.cameras, strict=True)
         ]
-        albedo = np.ones(len(uv))
-        over = sky(surface, uv, options.degree, options.shadows)
-        for turn_number in range(level.iterations):
-            X, N = surface.evaluate(*uv.T), surface.normals(*uv.T)
-            view = view_weights(surface, cameras, uv, options.grazing)
-            value, h, c0 = read_photos(fields, cameras, X, T[0] @ directions, view)
-            Y = over.basis(N)
+        albedo = np.ones(len(at.uv))
+        for turn in range(level.iterations):
+            faces = [BSplineSurface(surface.control_points + e) for e in own]
+            view = view_weights(
+                faces if own.any() else surface, x.cameras, at.uv, options.grazing
+            )
+            view *= weigh[:, None]
+            X, N, up = _geometry(surface, at)
+            X = np.broadcast_to(X, (n, *X.shape[1:]))
+            value, by_camera, along = read_photos(
+                fields, x.cameras, X, at.T[0] @ directions, view
+            )
+            Y = np.stack([at.over.basis(k) for k in N])
             lights, albedo, W, r = estimate_lighting(
-                value,
-                view * area,
-                Y,
-                lights,
-                albedo,
-                options.noise,
+                value, view * at.area, Y, x.lights, albedo, options.noise,
                 ridge=options.light_ridge,
-            )
-            # derivative rows: displacement, its u and v slopes; camera; light
-            fu, fv = surface.evaluate(*uv.T, 1, 0), surface.evaluate(*uv.T, 0, 1)
-            up_u, up_v = contravariant(fu, fv)
-            turn = albedo * np.einsum(
-                "ik,pkx->ipx", lights, over.slope(N)
-            ).transpose(2, 0, 1)
-            c = np.stack(
-                [
-                    c0,
-                    np.einsum("xip,px->ip", turn, up_u),
-                    np.einsum("xip,px->ip", turn, up_v),
-                ],
-                -1,
-            )
-            light_rows = -np.broadcast_to((albedo[:, None] * Y), (n, *Y.shape))
-            h = np.concatenate([h, light_rows], 2)
-            s = lights @ Y.T
-            scaled = W * options.independence / options.noise**2
-            blocks = normal_equations(T, c, h, s, scaled, r)
-            add_landmarks(
-                blocks,
-                seen,
-                cameras,
-                surface,
-                offset,
-                mark_uv,
-                mark_T,
-                directions,
-                options.landmark_mm,
-                options.landmark_weight,
-            )
-            S, gd, B, H, gh = sum(blocks[0][1:], blocks[0][0]), *blocks[1:]
-            m = H.shape[1] // n
-            H += np.diag(_border_prior(options, n, m, lights))
-            gh += _border_pull(options, cameras, n, m)
-            Hdd = sparse.csc_array(S + prior.smooth)
-            SD = S @ D
-            border = np.concatenate([SD, B], 1)
-            Hbb = np.block([[D.T @ SD + np.eye(len(a)), D.T @ B], [B.T @ D, H]])
-            gb = np.concatenate([D.T @ gd - a - a0, gh])
-            gdd = gd - prior.smooth @ (d + d0)
-            solve = splu(Hdd, permc_spec="MMD_AT_PLUS_A").solve
-            Z = solve(np.concatenate([border, gdd[:, None]], 1))
-            schur = Hbb - border.T @ Z[:, :-1]
-            step = cho_solve(cho_factor(schur), gb - border.T @ Z[:, -1])
-            dd = Z[:, -1] - Z[:, :-1] @ step
-            total = dd + D @ step[: len(a)]
-            size = float(np.abs(T[0] @ total).max())
-            damp = min(1.0, options.max_step_mm / max(size, 1e-12))
-            d, a = d + damp * dd, a + damp * step[: len(a)]
-            own = damp * step[len(a) :].reshape(n, -1)
-            cameras = [
-                k.moved(x[:PARAMETERS]) for k, x in zip(cameras, own, strict=True)
-            ]
-            lights = lights + own[:, PARAMETERS:]
-            surface = BSplineSurface(
-                reference.control_points
-                + ((d + D @ a)[:, None] * directions).reshape(*shape, 3)
-            )
-            residual = np.sqrt((W * r**2).sum() / max(W.sum(), 1e-30))
-            deviation = None
-            if (number, turn_number + 1) == (len(options.levels) - 1, level.iterations):
-                own_Z, photo_Z = Z[:, : len(a)], Z[:, len(a) : -1]
-                deviation = _deviation(solve, own_Z, photo_Z, schur, D)
-            yield JointState(
-                surface, tuple(cameras), uv, albedo, lights, W, float(residual),
-                damp * size, number, d, a, value, r, deviation,
             )  # fmt: skip
+            x = x._replace(lights=lights)
+            c, h, s = _rows(at, N, up, Y, lights, albedo, along, by_camera)
+            scale = options.independence / options.noise**2
+            blocks = normal_equations(at.T, c, h, s, scale * W, r)
+            add_landmarks(
+                blocks, seen, x.cameras, surface, offset, mark_uv, mark_T, directions,
+                options.landmark_mm, options.landmark_weight,
+            )  # fmt: skip
+            _add_photo_priors(blocks, x.cameras, options)
+            dd, da, step, deviation = _solve(blocks, prior, D, x, before)
+            size = float(np.abs(at.T[0] @ (dd + D @ da)).max())
+            damp = min(1.0, options.max_step_mm / max(size, 1e-12))
+            step = damp * step.reshape(n, -1)
+            x = _Unknowns(
+                x.d + damp * dd,
+                x.a + damp * da,
+                [
+                    k.moved(y[:PARAMETERS])
+                    for k, y in zip(x.cameras, step, strict=True)
+                ],
+                lights + step[:, PARAMETERS:],
+            )
+            moved = ((x.d + D @ x.a)[:, None] * directions).reshape(*shape, 3)
+            surface = BSplineSurface(reference.control_points + moved)
+            last = (number + 1, turn + 1) == (len(options.levels), level.iterations)
+            yield JointState(
+                surface=surface,
+                cameras=tuple(x.cameras),
+                uv=at.uv,
+                albedo=albedo,
+                lights=x.lights,
+                weights=W,
+                values=value,
+                intensity_residual=r,
+                residual=float(np.sqrt((W * r**2).sum() / max(W.sum(), 1e-30))),
+                step_mm=damp * size,
+                level=number,
+                modes=before[1] + x.a,
+                deviation=deviation() if last else None,
+            )
 
 
-def _deviation(solve, Za, Zh, schur, D) -> Array:
+def _own_faces(template: Template, start: Bundle) -> Array:
+    """Displacement of the control points by the expression of each photo."""
+    e = start.expressions
+    modes = template.expression_modes[: e.shape[1]]
+    shape = (*template.surface.shape, 3)
+    if not e.any():
+        return np.zeros((len(e), *shape))
+    return np.einsum("ik,kuvx->iuvx", e, modes)
+
+
+def _samples(template, reference, surface, level, own, options) -> _Samples:
+    uv = sample_grid(template, level.grid)
+    shape = surface.shape
+    T = [basis_matrix(shape, *uv.T, *k) for k in ((0, 0), (1, 0), (0, 1))]
+    fu, fv = reference.evaluate(*uv.T, 1, 0), reference.evaluate(*uv.T, 0, 1)
+    area = np.linalg.norm(np.cross(fu, fv), axis=1)
+    kept = own if own.any() else own[:1]
+    moves = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]
+    over = sky(surface, uv, options.degree, options.shadows)
+    return _Samples(uv, T, area / area.mean(), moves, over)
+
+
+def _geometry(surface: BSplineSurface, at: _Samples):
+    """Points; normals and surface gradients: once, or for each photo's own face."""
+    X, fu, fv = (
+        t @ surface.vector + m for t, m in zip(at.T, at.moves, strict=True)
+    )
+    N = np.cross(fv, fu)
+    N /= np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-12)
+    up = [contravariant(a, b) for a, b in zip(fu, fv, strict=True)]
+    return X, N, up
+
+
+def _rows(at, N, up, Y, lights, albedo, along, by_camera):
+    """Derivatives of the residuals: by displacement and slopes; by photo; shading."""
+    n = len(lights)
+    c = np.zeros((*along.shape, 3))
+    c[..., 0] = along
+    h = np.zeros((*along.shape, PARAMETERS + lights.shape[1]))
+    h[..., :PARAMETERS] = by_camera
+    s = np.zeros_like(along)
+    for k in range(len(N)):
+        which = range(n) if len(N) == 1 else [k]
+        turn = at.over.slopes(N[k], lights[list(which)])
+        for t, i in zip(turn, which, strict=True):
+            c[i, :, 1] = albedo * (t * up[k][0]).sum(1)
+            c[i, :, 2] = albedo * (t * up[k][1]).sum(1)
+            h[i, :, PARAMETERS:] = -albedo[:, None] * Y[k]
+            s[i] = Y[k] @ lights[i]
+    return c, h, s
+
+
+def _add_photo_priors(blocks: Blocks, cameras: Sequence[Camera], options) -> None:
+    """Distances near the typical one; a little damping for all the rest."""
+    n = len(cameras)
+    m = len(blocks.gh) // n
+    hold = np.full((n, m), 1e-6)
+    hold[:, 6] = 1 / options.distance_spread**2
+    hold[:, PARAMETERS:] = 1.0
+    blocks.H[np.diag_indices(n * m)] += hold.ravel()
+    for i, camera in enumerate(cameras):
+        if camera.kappa > 0:
+            drift = np.log(camera.kappa * options.distance_mm)
+            blocks.gh[i * m + 6] -= drift / options.distance_spread**2
+
+
+def _solve(blocks: Blocks, prior: ShapePrior, D: Array, x: _Unknowns, before):
+    """One bordered system: sparse for the displacement, dense for modes and photos.
+
+    Returns the steps of displacement, modes and photos, and a function that computes
+    the standard deviations of the displacement.
+    """
+    S = sum(blocks.S[1:], blocks.S[0])
+    k = D.shape[1]
+    SD = S @ D
+    border = np.concatenate([SD, blocks.B], 1)
+    corner = np.block(
+        [[D.T @ SD + np.eye(k), D.T @ blocks.B], [blocks.B.T @ D, blocks.H]]
+    )
+    right = np.concatenate([D.T @ blocks.gd - x.a - before[1], blocks.gh])
+    top = blocks.gd - prior.smooth @ (x.d + before[0])
+    solve = splu(
+        sparse.csc_array(S + prior.smooth), permc_spec="MMD_AT_PLUS_A"
+    ).solve
+    Z = solve(np.concatenate([border, top[:, None]], 1))
+    schur = cho_factor(corner - border.T @ Z[:, :-1])
+    step = cho_solve(schur, right - border.T @ Z[:, -1])
+    dd = Z[:, -1] - Z[:, :-1] @ step
+    return dd, step[:k], step[k:], lambda: _deviation(solve, Z[:, :-1], schur, D)
+
+
+def _deviation(solve: Callable[[Array], Array], Z: Array, schur, D: Array) -> Array:
     """Standard deviation of the control points' displacement, mm, ``(M*N,)``.
 
     The diagonal of ``[I D] H^-1 [I D]^T`` for the bordered normal matrix ``H``.
     """
-    Z = np.concatenate([Za - D, Zh], 1)
+    Z = Z.copy()
+    Z[:, : D.shape[1]] -= D
     inner = solve(np.eye(len(D))).diagonal()
-    outer = (Z * cho_solve(cho_factor(schur), Z.T).T).sum(1)
+    outer = (Z * cho_solve(schur, Z.T).T).sum(1)
     return np.sqrt(np.maximum(inner + outer, 0.0))
-
-
-def _border_prior(options, n, m, lights):
-    prior = np.full((n, m), 1e-6)
-    prior[:, 6] = 1 / options.distance_spread**2
-    prior[:, PARAMETERS:] = 1.0
-    return prior.ravel()
-
-
-def _border_pull(options, cameras, n, m):
-    pull = np.zeros((n, m))
-    for i, c in enumerate(cameras):
-        if c.kappa > 0:
-            drift = np.log(c.kappa * options.distance_mm)
-            pull[i, 6] = -drift / options.distance_spread**2
-    return pull.ravel()

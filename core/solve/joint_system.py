@@ -7,6 +7,7 @@ what belongs to one photo (camera, light) borders them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,28 @@ from ..surface.bspline import BSplineSurface
 from .bundle import Observations
 
 Array = NDArray[np.float64]
+
+
+class Blocks(NamedTuple):
+    """Normal equations of displacement and photos.
+
+    Attributes
+    ----------
+    S : list of (M*N, M*N) sparse arrays
+        To be summed: block of the displacement.
+    gd : (M*N,) array
+        Its right side.
+    B : (M*N, n m) array
+        Block between displacement and photos.
+    H, gh : (n m, n m), (n m,) arrays
+        Block and right side of the photos.
+    """
+
+    S: list[sparse.csr_array]
+    gd: Array
+    B: Array
+    H: Array
+    gh: Array
 
 
 def read_photos(
@@ -32,8 +55,10 @@ def read_photos(
     Parameters
     ----------
     fields, cameras : sequences of n
-    X, direction : (p, 3) arrays
-        Points and the direction in which they may move.
+    X : (n, p, 3) array
+        The points as they are in each photo.
+    direction : (p, 3) array
+        In which they may move.
     view : (n, p) array
         Visibility; set to 0 in place where a photo does not reach.
 
@@ -48,7 +73,7 @@ def read_photos(
     value, along = np.zeros((n, p)), np.zeros((n, p))
     rows = np.zeros((n, p, PARAMETERS))
     for i, (field, camera) in enumerate(zip(fields, cameras, strict=True)):
-        pixels, J, C = camera.jacobians(X)
+        pixels, J, C = camera.jacobians(X[i])
         v, g, inside = field.read(pixels)
         view[i] *= inside
         seen = view[i] > 0
@@ -72,7 +97,7 @@ def contravariant(fu: Array, fv: Array) -> tuple[Array, Array]:
 
 def normal_equations(
     T: Sequence[sparse.csr_array], c: Array, h: Array, s: Array, W: Array, r: Array
-) -> tuple[list[sparse.csr_array], Array, Array, Array, Array]:
+) -> Blocks:
     """Blocks of the Gauss-Newton system with the albedo projected out.
 
     Parameters
@@ -88,14 +113,7 @@ def normal_equations(
 
     Returns
     -------
-    S : list of (M*N, M*N) sparse arrays
-        To be summed: block of the displacement.
-    gd : (M*N,) array
-        Its right side.
-    B : (M*N, n m) array
-        Block between displacement and photos.
-    H, gh : (n m, n m), (n m,) arrays
-        Block and right side of the photos.
+    Blocks
     """
     n, p, m = h.shape
     Ws = W * s
@@ -125,11 +143,11 @@ def normal_equations(
     for i in range(n):
         H[i * m : (i + 1) * m, i * m : (i + 1) * m] += own[i]
     gh = -np.einsum("ipm,ip->im", Wh, r).ravel()
-    return S, gd, B, H, gh
+    return Blocks(S, gd, B, H, gh)
 
 
 def add_landmarks(
-    blocks: tuple[list[sparse.csr_array], Array, Array, Array, Array],
+    blocks: Blocks,
     seen: Observations,
     cameras: Sequence[Camera],
     surface: BSplineSurface,
@@ -144,10 +162,10 @@ def add_landmarks(
 
     Parameters
     ----------
-    blocks : as returned by `normal_equations`
+    blocks : Blocks
     seen, cameras, surface
-    offset : (f, 3) array
-        From the surface point to the landmark.
+    offset : (n, f, 3) array
+        From the surface point to the landmark in each photo.
     uv, T : (f, 2) array, (f, M*N) sparse array
         The surface points.
     directions : (M*N, 3) array
@@ -160,7 +178,7 @@ def add_landmarks(
     along = T @ directions
     m = H.shape[1] // len(cameras)
     for i, camera in enumerate(cameras):
-        p, J, C = camera.jacobians(X + offset)
+        p, J, C = camera.jacobians(X + offset[i])
         r = (seen.pixels[i] - p) / camera.s
         J, C = np.einsum("lxa,la->lx", J, along) / camera.s, C / camera.s
         facing = np.clip(((camera.toward(X) * normal).sum(1) - 0.1) / 0.3, 0, 1)

@@ -35,12 +35,17 @@ class ShapePrior:
         Precision of the smooth part of each coordinate, 1/mm^2.
     shape : (M, N)
         Size of the control net.
+    factor : SuperLU
+        Of ``smooth``.
+    expression_scale : float
+        Factor on the expression modes among ``modes``.
     """
 
     modes: Array
     smooth: sparse.csr_array
     shape: tuple[int, int]
     factor: SuperLU
+    expression_scale: float
 
     def split(self, uv: ArrayLike, forces: Array) -> tuple[Array, Array]:
         """The two parts of the mean displacement given landmarks.
@@ -123,4 +128,4 @@ def shape_prior(
     )
     modes = np.concatenate(scaled).reshape(-1, shape[0] * shape[1], 3)
     factor = splu(sparse.csc_array(Q), permc_spec="MMD_AT_PLUS_A")
-    return ShapePrior(modes, Q, shape, factor)
+    return ShapePrior(modes, Q, shape, factor, expression_scale)
