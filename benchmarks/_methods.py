@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import dataclass, replace
 
@@ -102,6 +103,21 @@ def available(names: list[str] | None) -> list[str]:
     if names is None and not GIVEN_TEMPLATE.is_file():
         chosen.remove("given-template")
     return chosen
+
+
+def changed_settings(pairs: list[str]) -> Settings:
+    """The default settings with some changed, ``NAME=VALUE`` each."""
+    values = {}
+    for pair in pairs:
+        name, _, value = pair.partition("=")
+        try:
+            values[name] = json.loads(value)
+        except json.JSONDecodeError:
+            values[name] = value
+    try:
+        return Settings.from_dict(values)
+    except (ValueError, TypeError) as error:
+        raise SystemExit(str(error)) from None
 
 
 def _baseline(gathered: Gathered, template: Template) -> Face:

@@ -18,7 +18,6 @@ and ``accuracy.html`` (error maps and renders), or ``ablation.csv``.
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import time
 from collections.abc import Sequence
@@ -27,7 +26,7 @@ from functools import partial
 from pathlib import Path
 
 from _ablation import GROUPS, run_ablation
-from _methods import available, run
+from _methods import available, changed_settings, run
 from _page import SetPictures, set_pictures, write_page
 from _reliability import reliability, reliability_table
 from _sets import EVAL, ROOT, each_set, find_sets, load_measure, load_set, score
@@ -139,21 +138,6 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "accuracy")
     return parser.parse_args()
-
-
-def changed_settings(pairs: list[str]) -> Settings:
-    """The default settings with some changed, ``NAME=VALUE`` each."""
-    values = {}
-    for pair in pairs:
-        name, _, value = pair.partition("=")
-        try:
-            values[name] = json.loads(value)
-        except json.JSONDecodeError:
-            values[name] = value
-    try:
-        return Settings.from_dict(values)
-    except (ValueError, TypeError) as error:
-        raise SystemExit(str(error)) from None
 
 
 def one_line(row: dict[str, object]) -> str:

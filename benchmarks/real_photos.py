@@ -4,6 +4,7 @@
     python benchmarks/real_photos.py                       all people of the folder
     python benchmarks/real_photos.py --people Colin_Powell George_W_Bush
     python benchmarks/real_photos.py --parts halves        only this question
+    python benchmarks/real_photos.py --setting modes=0.5   with another default
 
 ``--data`` is a folder with one folder of photos a person (four people of Labeled Faces
 in the Wild, 35 photos each, 150 pixels).  Three questions, written into ``--out``:
@@ -37,6 +38,7 @@ from _compare import (
     within_between,
 )
 from _meshes import photo_meshes, procrustes_mean, scaled_to_eyes
+from _methods import changed_settings
 from _sets import ROOT
 from _table import text_table, write_csv
 from bsface.errors import ReconstructionError
@@ -93,11 +95,7 @@ def main() -> None:
     options = arguments()
     # What the photos cannot tell is said for one face, not for every row of a table.
     logging.getLogger("bsface").setLevel(logging.ERROR)
-    settings = (
-        Settings()
-        if options.iterations is None
-        else Settings(iterations=options.iterations)
-    )
+    settings = changed_settings(options.setting)
     template = load_template().resampled(settings.control_points)
     people = {}
     for name in options.people or sorted(
@@ -140,7 +138,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--people", nargs="+", metavar="NAME")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--seed", type=int, default=0, help="of the split")
-    parser.add_argument("--iterations", type=int, help="fewer for a quick look")
+    parser.add_argument("--setting", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "real_photos")
     options = parser.parse_args()
     if not options.data.is_dir():
