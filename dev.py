@@ -309,7 +309,7 @@ def _scripts(folder: Path, options: argparse.Namespace) -> int:
         raise Stop(f"there is no script in {folder.name}/.")
     if options.rest and options.rest[0] not in scripts:
         raise Stop(f"{folder.name}/ has no {options.rest[0]}: {', '.join(scripts)}.")
-    python = environment(options.blender or main_line(), "run", "test", "docs")
+    python = environment(options.blender or main_line(), "run", "test")
     models(python)
     if options.rest:
         return call([python, str(scripts[options.rest[0]]), *options.rest[1:]])
