@@ -94,7 +94,7 @@ class Settings:
     """
 
     method: str = "joint"
-    control_points: tuple[int, int] = (40, 44)
+    control_points: tuple[int, int] = (42, 44)
     eye_distance_mm: float = 62.0
     landmarks: str = "468"
     detector: bool = True

@@ -49,7 +49,7 @@ WHEEL = "makehuman-1.3.2-py3-none-any.whl"
 WHEEL_SHA256 = "384f0553a66659be95ff05b7c2d2d837376062f1d525dbd8920b029c4c6fa85e"
 MILLIMETRES = 0.1  # targets hold thousandths of a decimetre
 BENDING = 1e-8  # of the control net, relative to the mean squared residual in mm^2
-IDENTITY_MODES, EXPRESSION_MODES, SAMPLES = 80, 24, 2500
+IDENTITY_MODES, EXPRESSION_MODES, SAMPLES = 72, 20, 2000
 
 
 def fetch_targets(path: Path | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -312,7 +312,7 @@ def vertex_areas(vertices, triangles):
     return area, np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(vertices))
 
 
-def build(source: Path, targets: Path | None, shape=(40, 44)) -> dict[str, np.ndarray]:
+def build(source: Path, targets: Path | None, shape=(42, 44)) -> dict[str, np.ndarray]:
     head = np.load(source / "mean_head.npz", allow_pickle=False)
     param = np.load(source / "uv_param.npz", allow_pickle=False)
     marks = np.load(source / "landmarks468.npz", allow_pickle=False)

@@ -14,8 +14,9 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 CENTRE = np.array([0.0, -25.0, -45.0])  # mm, inside the head behind the nose
-RECTANGLE = (-90.0, 90.0, -88.0, 58.0)  # degrees: left, right, below, above
-# Down to the throat: photos see it, and a surface that ends at the chin cannot be
+RECTANGLE = (-97.0, 97.0, -88.0, 58.0)  # degrees: left, right, below, above
+# To the ears and down to the throat: photos see it, and a surface that ends at the
+# chin cannot be
 # aligned with one that does not.
 
 
