@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from .progress import Step
 from .reconstruct import reconstruct
 from .settings import Settings
 from .surface.template import load_template
+from .threads import one_blas_thread
 
 
 def parser() -> argparse.ArgumentParser:
@@ -75,6 +77,46 @@ def parse_settings(pairs: Sequence[str]) -> Settings:
     return Settings.from_dict(values)
 
 
+def check_outputs(outputs: Sequence[str], report: str | None) -> None:
+    """Refuse what cannot be written before the work is done, not after it.
+
+    Raises
+    ------
+    ValueError
+        With a sentence that names the file.
+    """
+    from .output.formats import WRITERS, ending
+
+    for name in outputs:
+        if not ending(name):
+            raise ValueError(
+                f"{name}: unknown ending; choose one of "
+                f"{', '.join(['.npz', *WRITERS])}."
+            )
+    if report is not None and Path(report).suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"{report}: the page must end in .html.")
+    for name in (*outputs, *([report] if report else [])):
+        try:
+            why = _why_not_writable(Path(name))
+        except OSError as error:
+            why = f"cannot be written ({error.strerror}); choose another name"
+        if why:
+            raise ValueError(f"{name}: {why}.")
+
+
+def _why_not_writable(path: Path) -> str:
+    if path.is_dir():
+        return "is a folder; give the name of a file in it"
+    folder = path.absolute().parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not folder.is_dir():
+        return f"cannot be written ({folder} is a file); choose another folder"
+    if not os.access(folder, os.W_OK):
+        return f"cannot be written (no permission in {folder}); choose another folder"
+    return ""
+
+
 class _Bar:
     """One line a stage on the terminal, rewritten as it fills."""
 
@@ -110,19 +152,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         settings = parse_settings(args.set)
         template = load_template(args.template) if args.template else None
+        check_outputs(args.output, args.report)
     except ValueError as error:
         sys.stderr.write(f"bsface: {error}\n")
         return 2
     try:
+        # the same bytes on any number of cores
+        with one_blas_thread():
+            result = reconstruct(
+                args.photos,
+                settings,
+                template=template,
+                progress=bar,
+                ignore=args.ignore,
+            )
         from .output.formats import export
 
-        result = reconstruct(
-            args.photos,
-            settings,
-            template=template,
-            progress=bar,
-            ignore=args.ignore,
-        )
         for name in args.output:
             export(name, result)
         if args.report:
@@ -132,6 +177,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ReconstructionError as error:
         sys.stderr.write(f"\nbsface: {error}\n")
         return 1
+    except MemoryError:
+        sys.stderr.write(
+            "\nbsface: not enough memory; use fewer photos or a smaller net "
+            "(--set control_points=30,30)\n"
+        )
+        return 1
     except (KeyboardInterrupt, Cancelled):
         sys.stderr.write("\nbsface: interrupted, nothing written\n")
         return 130
@@ -140,15 +191,17 @@ def main(argv: Sequence[str] | None = None) -> int:
             bar.close()
     used = [r for r in result.reports if r.status == "used"]
     if args.json:
+        from .output.formats.npz import to_json
+
         summary = {
             "outputs": args.output,
             "used": len(used),
             "photos": len(result.reports),
             "seconds": dict(result.seconds),
             "warnings": list(result.warnings),
-            "report": [r.__dict__ for r in result.reports],
+            "report": list(result.reports),
         }
-        sys.stdout.write(json.dumps(summary, indent=1) + "\n")
+        sys.stdout.write(to_json(summary, indent=1) + "\n")
     elif not args.quiet:
         for r in result.reports:
             if r.status != "used":

@@ -1,0 +1,67 @@
+"""One thread for the dense algebra, so that equal photos give equal bytes.
+
+OpenBLAS splits a product over its threads, so the order of its sums, and with it the
+last bits, depends on how many there are.  The systems here are too small to gain much
+from threads; sampling and the networks (OpenCV) keep theirs, which do not share sums.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import scipy
+
+
+@contextlib.contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Hold the OpenBLAS of NumPy and of SciPy at one thread inside the block.
+
+    Does nothing where they are built with another BLAS.
+    """
+    before = []
+    for get, set_ in _controls():
+        before.append((set_, get()))
+        set_(1)
+    try:
+        yield
+    finally:
+        for set_, count in before:
+            set_(count)
+
+
+@lru_cache(maxsize=1)
+def _controls() -> tuple[tuple[Callable[[], int], Callable[[int], None]], ...]:
+    """Functions that get and set the number of threads of each OpenBLAS."""
+    found = []
+    for package in (np, scipy):
+        folder = Path(str(package.__file__)).parent
+        beside = folder.with_name(folder.name + ".libs")  # Linux, Windows
+        for place in (beside, folder / ".dylibs"):
+            for path in sorted(place.glob("*openblas*")):
+                with contextlib.suppress(OSError, AttributeError, StopIteration):
+                    library = ctypes.CDLL(str(path))
+                    found.append((_get(library), _set(library)))
+    return tuple(found)
+
+
+def _get(library: ctypes.CDLL) -> Callable[[], int]:
+    function = _named(library, "openblas_get_num_threads")
+    function.restype, function.argtypes = ctypes.c_int, []
+    return function
+
+
+def _set(library: ctypes.CDLL) -> Callable[[int], None]:
+    function = _named(library, "openblas_set_num_threads")
+    function.restype, function.argtypes = None, [ctypes.c_int]
+    return function
+
+
+def _named(library: ctypes.CDLL, name: str):
+    """The function, under the name that the wheels gave it."""
+    names = (p + name + s for p in ("", "scipy_") for s in ("", "64_"))
+    return next(getattr(library, n) for n in names if hasattr(library, n))
