@@ -1,0 +1,261 @@
+"""``python -m bsface``: exit codes, sentences, and nothing half-written."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from bsface import Settings, __main__
+from bsface.errors import Cancelled, ReconstructionError
+from bsface.output import report
+from bsface.output.formats.npz import read_npz
+from fake_face import person_folder
+
+QUICK = [
+    "--set=method=motion",
+    "--set=control_points=10,11",
+    "--set=detector=false",
+    "--set=landmarks=68",
+]
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory):
+    """Three drawn photos with landmark files beside them: no detector needed."""
+    return person_folder(tmp_path_factory.mktemp("person") / "photos", count=3)
+
+
+def run(capsys, *words) -> tuple[int, str, str]:
+    """Exit code, what was printed, what was said on stderr."""
+    try:
+        code = __main__.main([str(w) for w in words])
+    except SystemExit as end:  # argparse
+        code = end.code
+    said = capsys.readouterr()
+    assert "Traceback" not in said.err
+    return code, said.out, said.err
+
+
+# --- it works ------------------------------------------------------------------------
+
+
+def test_photos_in_face_out(capsys, photos, tmp_path):
+    out = tmp_path / "new" / "face.npz"
+    code, printed, said = run(capsys, photos, "-o", out, *QUICK)
+    assert code == 0
+    assert printed == ""
+    assert f"3 of 3 photos used; {out} written" in said
+    face = read_npz(out)
+    assert face.control_points.shape == (10, 11, 3)
+    assert np.isfinite(face.control_points).all()
+    assert face.settings["method"] == "motion"
+    assert [row["name"] for row in face.report] == ["0.png", "1.png", "2.png"]
+    assert os.listdir(out.parent) == ["face.npz"]
+
+
+def test_several_outputs_and_a_page(capsys, photos, tmp_path, monkeypatch):
+    # the page itself has its own tests, and takes seconds
+    monkeypatch.setattr(
+        report, "write_report", lambda path, face: path.write_text(str(face.surface))
+    )
+    outputs = [tmp_path / name for name in ("a.npz", "b.obj", "c.step")]
+    words = [w for path in outputs for w in ("-o", path)]
+    page = tmp_path / "page.html"
+    code, _, _ = run(capsys, photos, *words, "--report", page, "-q", *QUICK)
+    assert code == 0
+    for path in (*outputs, page):
+        assert path.stat().st_size > 500
+    assert not [name for name in os.listdir(tmp_path) if name.startswith(".")]
+
+
+def test_quiet_says_nothing(capsys, photos, tmp_path):
+    code, printed, said = run(
+        capsys, photos, "-o", tmp_path / "a.npz", "--quiet", *QUICK
+    )
+    assert (code, printed, said) == (0, "", "")
+
+
+def test_json_for_programs(capsys, photos, tmp_path):
+    """Strict JSON, also where a photo has no numbers."""
+    out = tmp_path / "a.npz"
+    code, printed, _ = run(
+        capsys, photos, "-o", out, "--json", "--ignore", "1.png", *QUICK
+    )
+    assert code == 0
+
+    def refuse(word):
+        raise AssertionError(f"{word} is not JSON")
+
+    said = json.loads(printed, parse_constant=refuse)
+    assert said["outputs"] == [str(out)]
+    assert (said["used"], said["photos"]) == (2, 3)
+    assert [row["status"] for row in said["report"]] == ["used", "ignored", "used"]
+    assert said["report"][1]["yaw"] is None
+    assert said["warnings"]
+
+
+def test_left_out_photos_are_named(capsys, photos, tmp_path):
+    code, _, said = run(
+        capsys, photos, "-o", tmp_path / "a.npz", "--ignore", "1.png", *QUICK
+    )
+    assert code == 0
+    assert "1.png: 1.png is set aside." in said
+    assert "2 of 3 photos used" in said
+
+
+def test_as_a_program_and_the_same_bytes_twice(photos, tmp_path):
+    """In processes of their own, with one thread and with two."""
+    results = []
+    words = ["--set=method=joint", "--set=iterations=1", *QUICK[1:]]
+    for threads in ("1", "2"):
+        out = tmp_path / f"{threads}.npz"
+        names = ("OMP", "OPENBLAS", "MKL")
+        limits = {f"{name}_NUM_THREADS": threads for name in names}
+        done = subprocess.run(
+            [sys.executable, "-m", "bsface", str(photos), "-o", str(out), *words],
+            env={**os.environ, **limits},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+        assert done.returncode == 0, done.stderr
+        assert "3 of 3 photos used" in done.stderr
+        results.append(out.read_bytes())
+    assert results[0] == results[1]
+
+
+# --- it is called wrongly: exit code 2 -----------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["-o", "a.npz", "--set", "method"], "--set takes NAME=VALUE, got 'method'."),
+        (["-o", "a.npz", "--set", "method=magic"], "method must be one of"),
+        (["-o", "a.npz", "--set", "colour=red"], "There is no setting colour;"),
+        (["-o", "a.npz", "--set", "control_points=4,5"], "from 8 to 120, got [4, 5]."),
+        (["-o", "a.npz", "--set", "iterations=1e9"], "between 1 and 50, got 1e+09."),
+        (["-o", "a.npz", "--set", "distance_mm=nan"], "got 'nan'."),
+        (["-o", "a.npz", "--set", "distance_mm=NaN"], "got nan."),
+        (["-o", "a.npz", "--set", "detector=False"], "true or false, got 'False'."),
+        (["-o", "a.xyz"], "a.xyz: unknown ending; choose one of .npz"),
+        (["-o", "a.npz", "-o", "noending"], "noending: unknown ending"),
+        (["-o", "a.npz", "--report", "page.doc"], "must end in .html."),
+        (["-o", "a.npz", "--template", "none.npz"], "none.npz is not a template file"),
+        (["-o", "sub/.npz/b.npz"], ""),
+    ],
+)
+def test_wrong_call(capsys, photos, tmp_path, monkeypatch, words, sentence):
+    monkeypatch.chdir(tmp_path)
+    if not sentence:
+        (tmp_path / "sub").write_text("a file where a folder is wanted")
+        sentence = "is a file); choose another folder."
+    code, printed, said = run(capsys, photos, *words)
+    assert code == 2
+    assert printed == ""
+    assert sentence in said
+    assert said.startswith("bsface: ")
+    assert said.count("\n") == 1
+    assert set(os.listdir(tmp_path)) <= {"sub"}
+
+
+@pytest.mark.parametrize("words", [[], ["photos"], ["photos", "-o"], ["-o", "a.npz"]])
+def test_missing_words(capsys, words):
+    code, _, said = run(capsys, *words)
+    assert code == 2
+    assert said.startswith("usage:")
+
+
+def test_output_that_is_a_folder(capsys, photos, tmp_path):
+    (tmp_path / "a.npz").mkdir()
+    code, _, said = run(capsys, photos, "-o", tmp_path / "a.npz", *QUICK)
+    assert code == 2
+    assert "is a folder; give the name of a file in it." in said
+
+
+def test_name_that_is_too_long(capsys, photos, tmp_path):
+    name = tmp_path / ("x" * 300 + ".npz")
+    code, _, said = run(capsys, photos, "-o", name, *QUICK)
+    assert code in (1, 2)
+    assert "cannot be written" in said
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may")
+def test_folder_without_permission(capsys, photos, tmp_path):
+    tmp_path.chmod(0o500)
+    code, _, said = run(capsys, photos, "-o", tmp_path / "a.npz", *QUICK)
+    assert code == 2
+    assert "no permission" in said
+
+
+# --- the job fails: exit code 1, and the old file stays ------------------------------
+
+
+def fail(monkeypatch, error):
+    def stop(*args, **kwargs):
+        raise error
+
+    monkeypatch.setattr(__main__, "reconstruct", stop)
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "sentence"),
+    [
+        (ReconstructionError("No photo; add one."), 1, "bsface: No photo; add one."),
+        (MemoryError(), 1, "bsface: not enough memory; use fewer photos"),
+        (KeyboardInterrupt(), 130, "bsface: interrupted, nothing written"),
+        (Cancelled(), 130, "bsface: interrupted, nothing written"),
+    ],
+)
+def test_failed_job(capsys, monkeypatch, photos, tmp_path, error, code, sentence):
+    out = tmp_path / "a.npz"
+    out.write_bytes(b"the old one")
+    fail(monkeypatch, error)
+    found, printed, said = run(capsys, photos, "-o", out)
+    assert found == code
+    assert printed == ""
+    assert sentence in said
+    assert out.read_bytes() == b"the old one"
+    assert os.listdir(tmp_path) == ["a.npz"]
+
+
+def test_output_that_cannot_be_replaced(capsys, photos, tmp_path, monkeypatch):
+    """The disk is full when the finished file is to be moved into place."""
+    out = tmp_path / "a.npz"
+    out.write_bytes(b"the old one")
+
+    def full(*args):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    code, _, said = run(capsys, photos, "-o", out, *QUICK)
+    assert code == 1
+    assert f"{out}: cannot be written (No space left on device)" in said
+    assert "check the free space" in said
+    assert out.read_bytes() == b"the old one"
+    assert os.listdir(tmp_path) == ["a.npz"]
+
+
+def test_wrong_folder(capsys, tmp_path):
+    code, _, said = run(capsys, tmp_path / "none", "-o", tmp_path / "a.npz")
+    assert code == 1
+    assert "give the folder that holds the photos." in said
+    assert os.listdir(tmp_path) == []
+
+
+# --- parts ---------------------------------------------------------------------------
+
+
+def test_settings_from_words():
+    made = __main__.parse_settings(
+        ["method=paper", "control_points=30,32", "lam=2.5", "detector=false"]
+    )
+    assert made == Settings(
+        method="paper", control_points=(30, 32), lam=2.5, detector=False
+    )
+    assert __main__.parse_settings(["landmarks=68"]).landmarks == "68"
+    assert __main__.parse_settings(["control_points=[9, 10]"]).control_points == (9, 10)
+    assert __main__.parse_settings([]) == Settings()
