@@ -1,9 +1,11 @@
 """Cameras, lights and material: what is placed, and that nothing is left behind."""
 
 import json
+import struct
 from unittest.mock import MagicMock
 
 import bpy
+import cv2
 import numpy as np
 import pytest
 from blender import faces
@@ -66,20 +68,45 @@ def test_photos_are_the_cameras_backgrounds(empty_scene, tmp_path):
     assert len(bpy.data.images) == 3
 
 
+def jpeg_with_orientation(pixels, tag):
+    """A JPEG file's bytes with the EXIF orientation tag."""
+    data = cv2.imencode(".jpg", pixels)[1].tobytes()
+    entry = struct.pack("<HHII", 0x0112, 3, 1, tag)
+    tiff = b"II*\0" + struct.pack("<IH", 8, 1) + entry + struct.pack("<I", 0)
+    exif = b"Exif\0\0" + tiff
+    return data[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + data[2:]
+
+
 @pytest.mark.parametrize("tag", range(1, 9))
 def test_orientation_is_found_for_every_exif_tag(tmp_path, tag):
-    PIL = pytest.importorskip("PIL.Image")
-    cv2 = pytest.importorskip("cv2")
     pixels = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
-    exif = PIL.Exif()
-    exif[0x0112] = tag
     path = tmp_path / "turned.jpg"
-    PIL.fromarray(pixels).save(path, exif=exif)
+    path.write_bytes(jpeg_with_orientation(pixels, tag))
     angle, flip = cameras.orientation(path)
     stored = cv2.imread(str(path), cv2.IMREAD_IGNORE_ORIENTATION | cv2.IMREAD_COLOR)
     start = stored[:, ::-1] if flip else stored
     turned = np.rot90(start, round(angle / (np.pi / 2)))
     np.testing.assert_array_equal(turned, cv2.imread(str(path)))
+    assert tag == 1 or not np.array_equal(stored, cv2.imread(str(path)))
+
+
+@pytest.mark.parametrize("tag, turns", [(1, 0), (3, 2), (6, 1), (8, 3)])
+def test_backgrounds_are_turned_clockwise_to_fill_the_frame(
+    empty_scene, tmp_path, tag, turns
+):
+    """Tag 6: the camera was held so that the picture needs a quarter clockwise.
+
+    That Blender turns clockwise and fits before turning was seen in its window.
+    """
+    path = tmp_path / "turned.jpg"
+    noise = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
+    path.write_bytes(jpeg_with_orientation(noise, tag))
+    photo = load("core.evidence.photos").read_photo(path)
+    data = bpy.data.cameras.new("camera")
+    cameras.background(data, photo)
+    slot = data.background_images[0]
+    assert round(slot.rotation / (np.pi / 2)) % 4 == turns
+    assert slot.scale == pytest.approx(1.5 if turns % 2 else 1.0)
 
 
 def test_face_stands_upright_in_life_size(empty_scene, tmp_path):

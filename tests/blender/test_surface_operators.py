@@ -239,7 +239,8 @@ def test_reset_and_presets(addon):
     state.settings.method, state.settings.control_points_u = "motion", 20
     bpy.ops.bsface.preset_add(name="quick")
     bpy.ops.bsface.reset()
-    assert state.settings.method == "joint" and state.settings.control_points_u == 40
+    settings_group = load("bsface_addon.settings_group")
+    assert settings_group.to_core(state.settings) == load("core.settings").Settings()
     path = next(
         f"{folder}/quick.py" for folder in bpy.utils.preset_paths("bsface/settings")
     )

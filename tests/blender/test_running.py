@@ -1,0 +1,143 @@
+"""The modal half of the long operators, driven by made-up events."""
+
+import threading
+import time
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
+import pytest
+from blender.checkout import load
+
+running = load("bsface_addon.operators.running")
+job = load("bsface_addon.job")
+errors = load("core.errors")
+Step = load("core.progress").Step
+TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
+ESC = SimpleNamespace(type="ESC", value="PRESS")
+MOUSE = SimpleNamespace(type="MOUSEMOVE", value="NOTHING")
+
+
+class Operator(running.LongOperator):
+    """What Blender would make of it, as far as the modal half goes."""
+
+    def __init__(self):
+        self.delivered, self.said, self.asked = [], [], "request"
+
+    def prepare(self, context):
+        if isinstance(self.asked, Exception):
+            raise self.asked
+        return self.asked
+
+    def deliver(self, context, request, outcome):
+        self.delivered.append((request, outcome))
+
+    def report(self, kind, text):
+        self.said.append((*kind, text))
+
+
+@pytest.fixture
+def window(monkeypatch):
+    """A context with a window, and a Blender that is not in the background."""
+    fake = SimpleNamespace(app=SimpleNamespace(background=False))
+    monkeypatch.setattr(running, "bpy", fake)
+    yield MagicMock()
+    job.end()
+
+
+def started(window, solve):
+    operator_class = type("Started", (Operator,), {"solve": staticmethod(solve)})
+    operator = operator_class()
+    assert operator.invoke(window, None) == {"RUNNING_MODAL"}
+    return operator
+
+
+def until_end(operator, window):
+    for _ in range(400):
+        result = operator.modal(window, TIMER)
+        if result != {"PASS_THROUGH"}:
+            return result
+        time.sleep(0.01)
+    raise AssertionError("the operator did not end")
+
+
+def assert_cleaned(operator, window):
+    assert job.current() is None
+    manager = window.window_manager
+    manager.event_timer_remove.assert_called_once()
+    manager.progress_end.assert_called_once()
+    window.workspace.status_text_set.assert_called_with(None)
+
+
+def test_the_result_is_delivered_on_the_main_thread(window):
+    def solve(request, progress):
+        progress(Step("motion", 1, 2, 0.5, "half"))
+        return request.upper()
+
+    operator = started(window, solve)
+    assert operator.modal(window, MOUSE) == {"PASS_THROUGH"}
+    assert until_end(operator, window) == {"FINISHED"}
+    assert operator.delivered == [("request", "REQUEST")]
+    window.window_manager.progress_update.assert_called_with(50.0)
+    assert_cleaned(operator, window)
+
+
+def test_esc_ends_at_once_and_delivers_nothing(window):
+    go = threading.Event()
+    operator = started(window, lambda request, progress: go.wait(20))
+    began = job.current()
+    assert operator.modal(window, ESC) == {"CANCELLED"}
+    assert not operator.delivered and began.cancelled
+    assert "as it was" in operator.said[0][1]
+    assert_cleaned(operator, window)
+    go.set()
+    assert began.wait(20)
+
+
+def test_blender_stops_it_when_another_file_is_loaded(window):
+    go = threading.Event()
+    operator = started(window, lambda request, progress: go.wait(20))
+    operator.cancel(window)
+    assert_cleaned(operator, window)
+    # Events that still come find the job gone.
+    assert operator.modal(window, TIMER) == {"CANCELLED"}
+    go.set()
+
+
+@pytest.mark.parametrize(
+    "error, words",
+    [
+        (errors.ReconstructionError("No photo can be used."), "No photo can be used."),
+        (ZeroDivisionError("inside"), "error inside BSface"),
+        (ModuleNotFoundError("no", name="scipy"), "scipy is missing"),
+    ],
+)
+def test_an_error_of_the_worker_is_reported(window, error, words):
+    def solve(request, progress):
+        raise error
+
+    operator = started(window, solve)
+    assert until_end(operator, window) == {"CANCELLED"}
+    ((kind, text),) = operator.said
+    assert kind == "ERROR" and words in text
+    assert not operator.delivered
+    assert_cleaned(operator, window)
+
+
+def test_an_error_of_the_delivery_is_reported(window):
+    operator = started(window, lambda request, progress: "fine")
+
+    def deliver(*_):
+        raise RuntimeError("no place")
+
+    operator.deliver = deliver
+    assert until_end(operator, window) == {"CANCELLED"}
+    assert "no place" in operator.said[0][1]
+    assert "no place" in window.scene.bsface.last_error
+
+
+def test_a_wrong_request_starts_nothing(window):
+    operator = Operator()
+    operator.asked = errors.ReconstructionError("Add photos of one person first")
+    assert operator.invoke(window, None) == {"CANCELLED"}
+    assert job.current() is None
+    window.window_manager.event_timer_add.assert_not_called()
