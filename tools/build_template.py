@@ -302,8 +302,9 @@ def outline(count=160) -> np.ndarray:
     """Outline of the face in (u, v): a square with round corners."""
     angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
     c, s = np.cos(angle), np.sin(angle)
-    r = 0.49 / (c**4 + s**4) ** 0.25
-    return 0.5 + r[:, None] * np.stack([c, s], 1)
+    r = 1 / (c**4 + s**4) ** 0.25
+    # the lowest part is throat: measured, but no part of a face that one looks at
+    return np.array([0.5, 0.465]) + r[:, None] * np.stack([0.49 * c, 0.455 * s], 1)
 
 
 def vertex_areas(vertices, triangles):
