@@ -180,7 +180,15 @@ class _Reader:
     ) -> list[Landmarks] | PhotoFailure:
         name = photo.name
         if name in self.given:
-            return [self._reduced(replace(self.given[name], photo=name))]
+            given = self.given[name]
+            if not np.isfinite(given.points).all() or not (given.weight >= 0).all():
+                return PhotoFailure(
+                    name,
+                    "implausible",
+                    f"The landmarks given for {name} are not all finite numbers; "
+                    "correct or remove them.",
+                )
+            return [self._reduced(replace(given, photo=name))]
         beside = landmark_file_beside(photo.path) if photo.path else None
         if beside is not None:
             with contextlib.suppress(NotLandmarksError):

@@ -81,5 +81,5 @@ def settle_expressions(
 def expression_moves(template: Template, seen: Observations, count: int) -> Array:
     """Displacement of each landmark by the first expression modes, (f, 3, count)."""
     T = basis_matrix(template.surface.shape, *template.landmark_uv[seen.index].T)
-    modes = template.expression_modes[:count].reshape(count, -1, 3)
+    modes = template.expression_modes[:count].reshape(count, T.shape[1], 3)
     return np.einsum("lb,kbx->lxk", T.toarray(), modes)
