@@ -5,7 +5,15 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from . import headless, job, panels, preferences, properties, thumbnails
+from . import (
+    headless,
+    job,
+    panels,
+    photo_panels,
+    preferences,
+    properties,
+    thumbnails,
+)
 from .operators import (
     export,
     expressions,
@@ -30,6 +38,7 @@ MODULES = (
     expressions,
     export,
     support,
+    photo_panels,
     panels,
     headless,
 )

@@ -14,25 +14,22 @@ the same arguments and stops at those.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
-import time
 import traceback
 from pathlib import Path
 
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 COMMAND = "bsface"
-VERBS = ("reconstruct", "export", "info")
 
 
-def main(arguments):
+def main(given):
     """Run one command.
 
     Parameters
     ----------
-    arguments : list of str
+    given : list of str
         Without the program's name; a missing verb is ``reconstruct``.
 
     Returns
@@ -41,16 +38,17 @@ def main(arguments):
         The exit code.
     """
     from ..core.errors import ReconstructionError
+    from . import arguments
 
-    arguments = list(arguments)
-    if not arguments or arguments[0] not in (*VERBS, "-h", "--help"):
-        arguments.insert(0, "reconstruct")
+    given = list(given)
+    if not given or given[0] not in (*VERBS, "-h", "--help"):
+        given.insert(0, "reconstruct")
     try:
-        options = _parser().parse_args(arguments)
+        options = arguments.parser().parse_args(given)
     except SystemExit as error:
         return int(error.code or 0)
     try:
-        facts = options.run(options)
+        facts = VERBS[options.verb](options)
     except ReconstructionError as error:
         _say_failure(options, str(error))
         return FAILED
@@ -72,7 +70,8 @@ def reconstruct(options):
 
     from ..core.errors import ReconstructionError
     from ..core.evidence.photos import list_photos
-    from . import pipeline
+    from . import arguments, pipeline
+    from .console import Console
 
     output = Path(options.output or options.out or "")
     if output.suffix.lower() != ".blend":
@@ -85,7 +84,7 @@ def reconstruct(options):
     if options.method:
         changes["method"] = options.method
     if options.points:
-        changes["control_points"] = _points(options.points)
+        changes["control_points"] = arguments.points(options.points)
     _empty_file(bpy)
     state = bpy.context.scene.bsface
     state.texture_size = options.texture
@@ -166,115 +165,7 @@ def _wrote(path):
     return {"written": [str(path)]}
 
 
-class Console:
-    """Progress on stderr: a bar where somebody watches, a line per stage elsewhere."""
-
-    def __init__(self, quiet):
-        self.quiet = quiet
-        self.bar = sys.stderr.isatty()
-        self.stage = None
-        self.started = time.monotonic()
-
-    def __call__(self, step):
-        if self.quiet:
-            return
-        if step.stage != self.stage:
-            self.close()
-            self.stage, self.started = step.stage, time.monotonic()
-        if self.bar:
-            part = step.done / max(step.total, 1)
-            filled = round(24 * part)
-            line = f"\r{step.stage:>10} [{'#' * filled:24}] {step.message[:40]:40}"
-            print(line, end="", file=sys.stderr, flush=True)
-        self.message = step.message
-
-    def close(self):
-        """End the line of the stage that ran."""
-        if self.stage is not None and not self.quiet:
-            seconds = time.monotonic() - self.started
-            start = "\r" if self.bar else ""
-            text = f"{start}{self.stage:>10} {seconds:6.1f} s  {self.message[:60]:60}"
-            print(text, file=sys.stderr, flush=True)
-        self.stage = None
-
-    def say(self, text):
-        """One line for people."""
-        if not self.quiet:
-            print(text, file=sys.stderr, flush=True)
-
-
-def _parser():
-    parser = argparse.ArgumentParser(
-        prog=COMMAND, description="Photos of one person in, an editable NURBS face out."
-    )
-    verbs = parser.add_subparsers(metavar="VERB", required=True)
-    for name, parent in _verbs().items():
-        verbs.add_parser(
-            name, parents=[parent], add_help=False, help=parent.description
-        )
-    return parser
-
-
-def _verbs():
-    """Name -> parser of its arguments."""
-    add = argparse.ArgumentParser(description="photos -> .blend; the usual verb")
-    add.add_argument("photos", metavar="PHOTOS", help="folder with the photos")
-    add.add_argument("out", metavar="OUT.blend", nargs="?", help="file to write")
-    add.add_argument("-o", "--output", metavar="OUT.blend", help="the same")
-    add.add_argument("--npz", metavar="FILE", help="write the face file too")
-    add.add_argument("--report", metavar="FILE", help="write the report page too")
-    add.add_argument("--name", default="", help="name of the face object")
-    add.add_argument("--method", help="joint, imls, paper or motion")
-    add.add_argument("--points", metavar="MxN", help="control points, such as 40x40")
-    add.add_argument(
-        "--settings", metavar="JSON", default="", help="further settings as JSON object"
-    )
-    add.add_argument(
-        "--texture",
-        default="AUTO",
-        choices=("AUTO", "512", "1024", "2048", "4096"),
-        help="pixels along a side of the skin texture",
-    )
-    add.add_argument(
-        "--ignore", metavar="PHOTO", action="append", default=[], help="leave one out"
-    )
-    add.add_argument(
-        "--size", type=float, default=1.0, help="1 is life size in metres (default)"
-    )
-    add.add_argument("--quiet", action="store_true", help="no progress")
-    add.set_defaults(run=reconstruct)
-    send = argparse.ArgumentParser(description="a face as STEP, IGES, OBJ, 3dm...")
-    send.add_argument("file", metavar="FILE", help=".blend or .npz")
-    send.add_argument("out", metavar="OUT", help="file to write; its ending decides")
-    send.add_argument("--name", default="", help="which face of the .blend")
-    send.add_argument(
-        "--untrimmed", action="store_true", help="the whole patch, not only the face"
-    )
-    send.add_argument(
-        "--tolerance", type=float, default=0.05, help="of meshes, in mm (0.05)"
-    )
-    send.set_defaults(run=export)
-    show = argparse.ArgumentParser(description="what a .blend or .npz holds")
-    show.add_argument("file", metavar="FILE")
-    show.set_defaults(run=info)
-    found = {"reconstruct": add, "export": send, "info": show}
-    for verb in found.values():
-        verb.add_argument(
-            "--json", action="store_true", help="the result as one line of JSON"
-        )
-    return found
-
-
-def _points(text):
-    from ..core.errors import ReconstructionError
-
-    across, _, down = text.lower().partition("x")
-    try:
-        return int(across), int(down or across)
-    except ValueError:
-        raise ReconstructionError(
-            f"--points wants two numbers such as 40x40, not {text!r}."
-        ) from None
+VERBS = {"reconstruct": reconstruct, "export": export, "info": info}
 
 
 def _existing(name):

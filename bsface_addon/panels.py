@@ -1,183 +1,23 @@
-"""The tab "BSface" in the sidebar of the 3D view, in the order of the work."""
+"""The tab "BSface" from Reconstruct on, in the order of the work.
+
+Photos and landmarks come before, see `photo_panels`.
+"""
 
 from __future__ import annotations
-
-import textwrap
 
 import bpy
 
 from . import (
     cameras,
     job,
-    landmark_editor,
     lights,
     material,
     messages,
-    photo_list,
     scene,
     settings_group,
     surface_object,
-    thumbnails,
 )
-
-
-class BSFACE_UL_photos(bpy.types.UIList):
-    """One photo a row: box, thumbnail, name, what became of it."""
-
-    def draw_item(
-        self, context, layout, data, item, icon, active_data, active_property, index
-    ):
-        word, sign, _ = messages.photo_status(item.status)
-        row = layout.row(align=True)
-        row.prop(item, "use", text="")
-        name = row.row(align=True)
-        name.active = item.use
-        picture = thumbnails.icon(photo_list.absolute(item))
-        name.label(text=item.name, icon_value=picture, translate=False)
-        state = row.row()
-        state.alignment = "RIGHT"
-        if item.expression:
-            state.label(text=item.expression, translate=False)
-        state.alert = item.use and sign == "ERROR"
-        state.label(text="" if word == "waiting" else word, icon=sign)
-
-
-class BSFACE_MT_photos(bpy.types.Menu):
-    bl_label = "Photo Options"
-
-    def draw(self, context):
-        layout = self.layout
-        layout.operator("bsface.photos_replace", icon="FILE_REFRESH")
-        turn = layout.operator(
-            "bsface.photos_turn", text="Turn Clockwise", icon="LOOP_FORWARDS"
-        )
-        turn.quarters = 1
-        turn = layout.operator(
-            "bsface.photos_turn", text="Turn Counterclockwise", icon="LOOP_BACK"
-        )
-        turn.quarters = -1
-        layout.operator("bsface.expression_assign", icon="SHAPEKEY_DATA")
-        layout.separator()
-        for which, text in (
-            ("ALL", "Use All"),
-            ("NONE", "Use None"),
-            ("INVERT", "Invert"),
-            ("GOOD", "Leave Out Photos with Faults"),
-        ):
-            layout.operator("bsface.photos_use", text=text).which = which
-        layout.separator()
-        layout.operator("bsface.photos_clear", icon="LOOP_BACK")
-
-
-class BSFacePanel:
-    """Hidden while landmarks are edited: then only their panel shows."""
-
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "BSface"
-
-    @classmethod
-    def poll(cls, context):
-        return landmark_editor.editor() is None
-
-
-class FacePanel(BSFacePanel):
-    """Hidden until there is a face."""
-
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and scene.active_face(context) is not None
-
-
-class BSFACE_PT_editing(bpy.types.Panel):
-    bl_label = "Edit Landmarks"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "BSface"
-
-    @classmethod
-    def poll(cls, context):
-        return landmark_editor.editor() is not None
-
-    def draw(self, context):
-        layout = self.layout
-        paragraph(context, layout, messages.EDITING)
-        row = layout.row(align=True)
-        row.scale_y = 1.5
-        row.operator("bsface.landmarks_done", icon="CHECKMARK").keep = True
-        stop = row.operator("bsface.landmarks_done", text="Cancel", icon="X")
-        stop.keep = False
-
-
-class BSFACE_PT_photos(BSFacePanel, bpy.types.Panel):
-    bl_label = "Photos"
-
-    def draw(self, context):
-        state = context.scene.bsface
-        layout = self.layout
-        if not state.photos:
-            column = layout.column()
-            column.scale_y = 2.0
-            column.operator("bsface.photos_add", icon="FILE_FOLDER")
-            for line in messages.CAPTURE:
-                paragraph(context, layout, line)
-            return
-        numbers = photo_list.counts(state)
-        layout.label(text=messages.counts(numbers), translate=False)
-        row = layout.row()
-        row.template_list(
-            "BSFACE_UL_photos", "", state, "photos", state, "active_photo", rows=6
-        )
-        side = row.column(align=True)
-        side.operator("bsface.photos_add", icon="ADD", text="")
-        side.operator("bsface.photos_remove", icon="REMOVE", text="")
-        side.separator()
-        side.menu("BSFACE_MT_photos", icon="DOWNARROW_HLT", text="")
-        if 0 <= state.active_photo < len(state.photos):
-            _about(context, layout, state.photos[state.active_photo])
-        for hint in state.hints.splitlines():
-            paragraph(context, layout, hint, icon="INFO")
-
-
-def _about(context, layout, row):
-    """Why the active photo is what it is, and what to do about it."""
-    word, sign, advice = messages.photo_status(row.status)
-    if row.status in photo_list.FINE:
-        if row.reason:
-            paragraph(context, layout, row.reason, icon="INFO")
-        return
-    box = layout.box()
-    paragraph(context, box, row.reason or f"{row.name}: {word}.", icon=sign)
-    if advice:
-        paragraph(context, box, advice)
-
-
-class BSFACE_PT_landmarks(BSFacePanel, bpy.types.Panel):
-    bl_label = "Landmarks"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and bool(context.scene.bsface.photos)
-
-    def draw(self, context):
-        layout = self.layout
-        layout.operator("bsface.landmarks_detect", icon="VIEWZOOM")
-        state = context.scene.bsface
-        if not 0 <= state.active_photo < len(state.photos):
-            return
-        row = state.photos[state.active_photo]
-        column = layout.column(align=True)
-        column.enabled = bool(row.landmarks)
-        column.operator("bsface.landmarks_edit", icon="EDITMODE_HLT")
-        if row.faces > 1 or row.status == "other_person":
-            layout.operator("bsface.face_next", icon="USER")
-        pair = layout.row(align=True)
-        pair.operator("bsface.landmarks_import", text="Import", icon="IMPORT")
-        pair.operator("bsface.landmarks_export", text="Export", icon="EXPORT")
-        layout.operator("bsface.landmarks_clear", icon="LOOP_BACK")
+from .panel_base import BSFacePanel, FacePanel, paragraph
 
 
 class BSFACE_PT_reconstruct(BSFacePanel, bpy.types.Panel):
@@ -392,24 +232,7 @@ class BSFACE_PT_support(BSFacePanel, bpy.types.Panel):
         layout.operator("bsface.copy_information", icon="COPYDOWN")
 
 
-def paragraph(context, layout, text, icon="NONE"):
-    """Text wrapped to the sidebar's width."""
-    scale = context.preferences.system.ui_scale or 1.0  # 0 without a window
-    width = context.region.width if context.region else 300
-    lines = textwrap.wrap(text, max(20, int((width / scale - 60) / 6.2)))
-    column = layout.column(align=True)
-    column.scale_y = 0.8
-    for number, line in enumerate(lines):
-        sign = icon if number == 0 else ("NONE" if icon == "NONE" else "BLANK1")
-        column.label(text=line, icon=sign, translate=False)
-
-
 CLASSES = (
-    BSFACE_UL_photos,
-    BSFACE_MT_photos,
-    BSFACE_PT_editing,
-    BSFACE_PT_photos,
-    BSFACE_PT_landmarks,
     BSFACE_PT_reconstruct,
     BSFACE_PT_settings,
     BSFACE_PT_advanced,

@@ -13,6 +13,7 @@ import pytest
 from blender.checkout import ROOT, load
 
 headless = load("bsface_addon.headless")
+arguments = load("bsface_addon.arguments")
 scene = load("bsface_addon.scene")
 surface_object = load("bsface_addon.surface_object")
 read_npz = load("core.output.formats.npz").read_npz
@@ -43,8 +44,8 @@ def test_photos_in_blend_and_npz_out(addon, solved, tmp_path, capfd):
 
 def test_json_and_info(addon, solved, tmp_path, capfd):
     blend = tmp_path / "ann.blend"
-    arguments = ["reconstruct", str(tmp_path / "photos"), "-o", str(blend), "--json"]
-    assert headless.main([*arguments, "--name", "Ann"]) == 0
+    given = ["reconstruct", str(tmp_path / "photos"), "-o", str(blend), "--json"]
+    assert headless.main([*given, "--name", "Ann"]) == 0
     said = json.loads(capfd.readouterr().out.splitlines()[-1])
     assert said["ok"] and said["face"] == "Ann" and said["written"] == [str(blend)]
     assert [photo["status"] for photo in said["photos"]] == ["used"] * 3 + ["no_face"]
@@ -73,7 +74,7 @@ def test_export_of_a_face_file(addon, solved, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments, code, words",
+    "given, code, words",
     [
         (["/no/such", "out.blend"], 1, "cannot open this folder"),
         (["PHOTOS", "out.png"], 1, "ends in .blend"),
@@ -88,10 +89,10 @@ def test_export_of_a_face_file(addon, solved, tmp_path):
     ],
 )
 def test_failures_are_one_sentence_and_an_exit_code(
-    addon, solved, tmp_path, capfd, arguments, code, words
+    addon, solved, tmp_path, capfd, given, code, words
 ):
     swap = {"PHOTOS": str(tmp_path / "photos"), "out.blend": str(tmp_path / "o.blend")}
-    assert headless.main([swap.get(item, item) for item in arguments]) == code
+    assert headless.main([swap.get(item, item) for item in given]) == code
     captured = capfd.readouterr()
     assert words in captured.out + captured.err
     assert "Traceback" not in captured.err
@@ -109,7 +110,7 @@ def test_the_command_is_known_to_blender(addon):
 
 
 def test_no_option_begins_like_those_that_cycles_reads():
-    for verb in (headless._parser(), *headless._verbs().values()):
+    for verb in (arguments.parser(), *arguments.verbs().values()):
         for action in verb._actions:
             assert not any(name.startswith("--c") for name in action.option_strings)
 

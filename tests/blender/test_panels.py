@@ -9,6 +9,7 @@ from blender import faces
 from blender.checkout import load
 
 panels = load("bsface_addon.panels")
+photo_panels = load("bsface_addon.photo_panels")
 photo_list = load("bsface_addon.photo_list")
 job = load("bsface_addon.job")
 errors = load("core.errors")
@@ -19,7 +20,7 @@ Step = load("core.progress").Step
 def drawn():
     """Names of the panels that show, after drawing each with all its parts."""
     names = []
-    for cls in panels.CLASSES:
+    for cls in (*photo_panels.CLASSES, *panels.CLASSES):
         if not issubclass(cls, bpy.types.Panel | bpy.types.Menu):
             continue
         if not getattr(cls, "poll", lambda context: True)(bpy.context):
@@ -61,14 +62,14 @@ def test_photos_with_faults_show_reason_and_advice(addon, tmp_path):
     row = state.photos[0]
     row.status, row.reason = "blurred", "0.png is blurred."
     layout = MagicMock()
-    panels.BSFACE_PT_photos.draw(SimpleNamespace(layout=layout), bpy.context)
+    photo_panels.BSFACE_PT_photos.draw(SimpleNamespace(layout=layout), bpy.context)
     said = str(layout.mock_calls)
     for text in ("0.png is blurred.", "sharp photo", "from the left", "1 with faults"):
         assert text in said
     assert "landmarks" in drawn()
     for item in state.photos:
         stub = SimpleNamespace(layout=MagicMock())
-        panels.BSFACE_UL_photos.draw_item(
+        photo_panels.BSFACE_UL_photos.draw_item(
             stub, bpy.context, stub.layout, state, item, 0, state, "active_photo", 0
         )
 
@@ -90,7 +91,7 @@ def test_editing_landmarks_shows_how_to_end_it(addon, solved, tmp_path):
     bpy.ops.bsface.landmarks_edit()
     layout = MagicMock()
     assert drawn() == ["BSFACE_MT_photos", "editing"]
-    panels.BSFACE_PT_editing.draw(SimpleNamespace(layout=layout), bpy.context)
+    photo_panels.BSFACE_PT_editing.draw(SimpleNamespace(layout=layout), bpy.context)
     assert set(operators(layout)) == {"bsface.landmarks_done"}
     bpy.ops.bsface.landmarks_done()
 
