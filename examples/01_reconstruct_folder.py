@@ -1,0 +1,48 @@
+#!/usr/bin/env python3
+"""A folder of photos in; a face file and a page to look at out.
+
+    python examples/01_reconstruct_folder.py [PHOTOS [OUT]]
+"""
+
+import sys
+from pathlib import Path
+
+import bsface
+from bsface.output.formats import export
+from bsface.output.report import write_report
+
+PHOTOS = Path(__file__).resolve().parent / "photos"
+OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
+
+
+def show(step: bsface.Step) -> None:
+    """Receive the progress; raising `bsface.Cancelled` here would stop the job."""
+    print(f"{step.overall:4.0%}  {step.stage}: {step.message}")
+
+
+def main(photos=PHOTOS, out=OUT, settings=None):
+    """Reconstruct, say what became of each photo, and write the results."""
+    out = Path(out)
+    try:
+        result = bsface.reconstruct(photos, settings, progress=show)
+    except bsface.ReconstructionError as error:
+        sys.exit(str(error))  # one sentence with the remedy
+
+    for photo in result.reports:
+        if photo.status == "used":
+            line = f"yaw {photo.yaw:+.0f}, landmarks off by {photo.reprojection_pct:.1f} %"
+        else:
+            line = photo.reason
+        print(f"{photo.name}: {line}")
+    for warning in result.warnings:
+        print("note:", warning)
+
+    m, n = result.surface.shape
+    print(f"{m} x {n} control points in millimetres")
+    print("wrote", export(out / "face.npz", result))
+    print("wrote", write_report(out / "face.html", result))
+    return result
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,38 @@
+#!/usr/bin/env python3
+"""How two faces differ, point by point of the same (u, v).
+
+    python examples/07_compare_faces.py [PHOTOS [OUT]]
+"""
+
+import sys
+from pathlib import Path
+
+import bsface
+from bsface.evidence.photos import list_photos
+from bsface.output.compare import compare, comparison_picture
+from bsface.output.pictures import write_png
+
+PHOTOS = Path(__file__).resolve().parent / "photos"
+OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
+
+
+def main(photos=PHOTOS, out=OUT, settings=None):
+    """Compare faces from two disjoint halves of the photos, and with the average."""
+    paths = list_photos(photos)
+    first = bsface.reconstruct(paths[0::2], settings)
+    second = bsface.reconstruct(paths[1::2], settings)
+    halves = compare(first.surface, second.surface, first.template)
+    print("the two halves:", halves.summary())
+
+    average = bsface.load_template()
+    # The average head has another size: bring it to that of the result.
+    against = compare(first.surface, average.surface, average, keep_size=False)
+    print("the average face:", against.summary())
+
+    picture = comparison_picture(halves, first.surface, first.template)
+    print("wrote", write_png(Path(out) / "halves.png", picture))
+    return halves, against
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,38 @@
+#!/usr/bin/env python3
+"""The skin's own colour on the surface's (u, v), the light of the photos taken out.
+
+    python examples/08_texture.py [PHOTOS [OUT]]
+"""
+
+import sys
+from pathlib import Path
+
+import bsface
+from bsface.output.colour import to_picture
+from bsface.output.pictures import write_png
+from bsface.output.render import render_views
+from bsface.output.texture import bake_texture, write_texture
+
+PHOTOS = Path(__file__).resolve().parent / "photos"
+OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
+
+
+def main(photos=PHOTOS, out=OUT, settings=None, size=None):
+    """Bake albedo and mean texture; ``size`` None takes what the photos are worth."""
+    out = Path(out)
+    result = bsface.reconstruct(photos, settings)
+    texture = bake_texture(result, size)
+    print(f"{texture.size} texels a side, {texture.measured.mean():.0%} seen by photos")
+
+    # 16 bits a channel; what no photo saw is filled smoothly and marked in the mask.
+    write_texture(out / "albedo.png", texture.albedo, depth=16, mask=texture.measured)
+    write_texture(out / "mean.png", texture.mean)
+
+    picture = to_picture(texture.mean)
+    views = render_views(result.surface, result.template, colours=picture, shading=0.0)
+    print("wrote", write_png(out / "textured.png", views))
+    return texture
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,60 @@
+#!/usr/bin/env python3
+"""The paper's Algorithm 1 state by state, with the ingredients in your hands.
+
+    python examples/09_algorithm_step_by_step.py [PHOTOS [OUT]]
+"""
+
+import sys
+from pathlib import Path
+
+import bsface
+import numpy as np
+from bsface.evidence.gather import gather
+from bsface.reconstruct import observations
+from bsface.solve.classic import sample_photos
+from bsface.solve.imls import Limits, imls, paper_steps
+from bsface.solve.joint import sample_grid
+from bsface.solve.motion_paper import LandmarkObservations
+from bsface.solve.shading import ShadingParameters
+
+PHOTOS = Path(__file__).resolve().parent / "photos"
+OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
+
+
+def main(photos=PHOTOS, out=OUT, settings=None):
+    """Run the loops by hand; stopping is ceasing to iterate."""
+    settings = settings or bsface.Settings()
+    found = gather(photos, settings)
+    template = bsface.load_template().resampled(settings.control_points)
+    seen = observations(found, template)
+    middles = [[(w - 1) / 2, (h - 1) / 2] for w, h in (p.size for p in found.photos)]
+    landmarks = LandmarkObservations(
+        seen.pixels, seen.weight, template.landmark_uv[seen.index], np.array(middles)
+    )
+    uv = sample_grid(template, 40)
+
+    def sample(surface, cameras):
+        """The matrix M of section 2.2.1, and which samples are visible."""
+        return sample_photos(found.photos, surface, cameras, uv)
+
+    steps = paper_steps(
+        landmarks,
+        template.surface.shape,
+        uv,
+        sample,
+        zeta=settings.zeta,
+        shading=ShadingParameters(lam=settings.lam),
+    )
+    states = []
+    for state in imls(template.surface, uv, steps, Limits(outer=1, motion=6)):
+        figures = ", ".join(f"{k} {v:.3g}" for k, v in state.figures.items())
+        print(
+            f"pass {state.outer}, {state.stage} {state.inner}: "
+            f"moved {state.change_mm:.2f} mm ({figures})"
+        )
+        states.append(state)
+    return states
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
