@@ -30,7 +30,8 @@ def main(photos=PHOTOS, out=OUT, settings=None):
 
     for photo in result.reports:
         if photo.status == "used":
-            line = f"yaw {photo.yaw:+.0f}, landmarks off by {photo.reprojection_pct:.1f} %"
+            error = f"{photo.reprojection_pct:.1f} % of the eye distance"
+            line = f"yaw {photo.yaw:+.0f}, landmarks off by {error}"
         else:
             line = photo.reason
         print(f"{photo.name}: {line}")
