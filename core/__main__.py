@@ -1,6 +1,9 @@
 """``python -m bsface PHOTOS -o face.npz``: the job without Blender.
 
     python -m bsface PHOTOS -o OUT [--report PAGE.html] [--set NAME=VALUE ...]
+    python -m bsface batch PEOPLE OUT [--workers 2] [--write FILE ...]
+    python -m bsface export FACE.npz -o OUT [--tolerance MM]
+    python -m bsface info FACE.npz [--json]
 
 ``OUT`` may be any format that a face can leave in (``.npz``, ``.step``, ``.igs``,
 ``.obj``, ``.ply``, ``.3dm``); give ``-o`` more than once for several.
@@ -10,25 +13,36 @@ Exit codes: 0 done, 1 the job failed, 2 the call is wrong, 130 interrupted.
 from __future__ import annotations
 
 import argparse
-import json
 import logging
-import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from .cli import export_face, info
+from .cli.arguments import check_outputs, parse_settings
+from .cli.bar import Bar
 from .errors import Cancelled, ReconstructionError
-from .progress import Step
+from .output.formats import export
+from .output.formats.npz import to_json
 from .reconstruct import reconstruct
-from .settings import Settings
 from .surface.template import load_template
 from .threads import one_blas_thread
 
+COMMANDS = """commands besides the reconstruction (`bsface COMMAND --help` tells more):
+  batch    one face from each sub-folder of photos
+  export   write a finished face in other formats
+  info     say what a face file holds
+
+A folder that has the name of a command is given as ./batch."""
+
 
 def parser() -> argparse.ArgumentParser:
-    """The command line."""
+    """The command line of a reconstruction."""
     p = argparse.ArgumentParser(
-        prog="bsface", description="Photos of one person in, a B-spline face out."
+        prog="bsface",
+        description="Photos of one person in, a B-spline face out.",
+        epilog=COMMANDS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     p.add_argument("photos", help="folder with photos of one person")
     p.add_argument(
@@ -53,102 +67,19 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def parse_settings(pairs: Sequence[str]) -> Settings:
-    """Settings from ``NAME=VALUE`` words.
-
-    Raises
-    ------
-    ValueError
-        With a sentence that names the word.
-    """
-    values = {}
-    for pair in pairs:
-        name, sign, text = pair.partition("=")
-        if not sign:
-            raise ValueError(f"--set takes NAME=VALUE, got {pair!r}.")
-        try:
-            values[name] = json.loads(text)
-        except ValueError:
-            numbers = text.split(",")
-            if len(numbers) == 2 and all(x.strip().isdigit() for x in numbers):
-                values[name] = [int(x) for x in numbers]
-            else:
-                values[name] = text
-    return Settings.from_dict(values)
-
-
-def check_outputs(outputs: Sequence[str], report: str | None) -> None:
-    """Refuse what cannot be written before the work is done, not after it.
-
-    Raises
-    ------
-    ValueError
-        With a sentence that names the file.
-    """
-    from .output.formats import WRITERS, ending
-
-    for name in outputs:
-        if not ending(name):
-            raise ValueError(
-                f"{name}: unknown ending; choose one of "
-                f"{', '.join(['.npz', *WRITERS])}."
-            )
-    if report is not None and Path(report).suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"{report}: the page must end in .html.")
-    for name in (*outputs, *([report] if report else [])):
-        try:
-            why = _why_not_writable(Path(name))
-        except OSError as error:
-            why = f"cannot be written ({error.strerror}); choose another name"
-        if why:
-            raise ValueError(f"{name}: {why}.")
-
-
-def _why_not_writable(path: Path) -> str:
-    if path.is_dir():
-        return "is a folder; give the name of a file in it"
-    folder = path.absolute().parent
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    if not folder.is_dir():
-        return f"cannot be written ({folder} is a file); choose another folder"
-    if not os.access(folder, os.W_OK):
-        return f"cannot be written (no permission in {folder}); choose another folder"
-    return ""
-
-
-class _Bar:
-    """One line a stage on the terminal, rewritten as it fills."""
-
-    def __init__(self) -> None:
-        self.stage = ""
-        self.live = sys.stderr.isatty()
-
-    def __call__(self, step: Step) -> None:
-        new = step.stage != self.stage
-        last = step.done >= step.total
-        if not (self.live or last):
-            return
-        if new and self.stage and self.live:
-            sys.stderr.write("\n")
-        self.stage = step.stage
-        full = round(24 * step.done / max(step.total, 1))
-        bar = "#" * full + "." * (24 - full)
-        line = f"{step.stage:<10} [{bar}] {step.done}/{step.total}  {step.message}"
-        end = "" if self.live else "\n"
-        sys.stderr.write(("\r\x1b[2K" if self.live else "") + line[:110] + end)
-        sys.stderr.flush()
-
-    def close(self) -> None:
-        if self.live and self.stage:
-            sys.stderr.write("\n")
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    args = parser().parse_args(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
     logging.basicConfig(level=logging.WARNING, format="%(message)s")
-    bar = None if args.quiet else _Bar()
+    if words and words[0] in _COMMANDS:
+        return _COMMANDS[words[0]](words[1:])
+    return reconstruct_command(words)
+
+
+def reconstruct_command(argv: Sequence[str]) -> int:
+    """Photos in, files out; returns the exit code."""
+    args = parser().parse_args(argv)
+    bar = None if args.quiet else Bar()
     try:
         settings = parse_settings(args.set)
         template = load_template(args.template) if args.template else None
@@ -166,8 +97,6 @@ def main(argv: Sequence[str] | None = None) -> int:
                 progress=bar,
                 ignore=args.ignore,
             )
-        from .output.formats import export
-
         for name in args.output:
             export(name, result)
         if args.report:
@@ -189,10 +118,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         if bar is not None:
             bar.close()
+    _tell(args, result)
+    return 0
+
+
+def _tell(args: argparse.Namespace, result) -> None:
+    """What came out, for a program or for people."""
     used = [r for r in result.reports if r.status == "used"]
     if args.json:
-        from .output.formats.npz import to_json
-
         summary = {
             "outputs": args.output,
             "used": len(used),
@@ -210,7 +143,20 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"{len(used)} of {len(result.reports)} photos used; "
             f"{', '.join(args.output)} written\n"
         )
-    return 0
+
+
+def _batch(argv: Sequence[str]) -> int:
+    # imported here: it pulls in the texture and the report page
+    from .output.batch import main as run
+
+    return run(argv)
+
+
+_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
+    "batch": _batch,
+    "export": export_face.main,
+    "info": info.main,
+}
 
 
 if __name__ == "__main__":

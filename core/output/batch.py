@@ -1,6 +1,7 @@
 """Many people: one reconstruction a folder, on any ``concurrent.futures`` executor.
 
     python -m bsface batch PEOPLE OUT [--workers 2] [--scheduler tcp://host:8786]
+                                      [--set NAME=VALUE ...] [--write FILE ...]
 
 PEOPLE holds one sub-folder of photos a person; OUT gets one folder a person and
 ``summary.csv``. A batch may be killed at any time and started again: people that are
@@ -26,6 +27,7 @@ from typing import Any
 
 import cv2
 
+from ..cli.arguments import parse_settings
 from ..errors import ReconstructionError
 from ..reconstruct import reconstruct
 from ..settings import Settings
@@ -274,6 +276,13 @@ def parser() -> argparse.ArgumentParser:
         help="file a person, such as face.step or texture.png; may be given again "
         f"(default {', '.join(WANTED)})",
     )
+    p.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a setting, the same for all people",
+    )
     return p
 
 
@@ -283,9 +292,16 @@ def main(argv: Sequence[str], settings: Settings | None = None) -> int:
     Returns
     -------
     int
-        0 all done, 1 some failed or the batch could not run, 130 interrupted.
+        0 all done, 1 some failed or the batch could not run, 2 the call is wrong,
+        130 interrupted.
     """
     options = parser().parse_args(argv)
+    try:
+        if options.set or settings is None:
+            settings = parse_settings(options.set)
+    except ValueError as error:
+        sys.stderr.write(f"bsface: {error}\n")
+        return 2
 
     def told(outcome: Outcome, finished: int, total: int) -> None:
         sys.stderr.write(f"[{finished}/{total}] {outcome.person}: {outcome.status}\n")

@@ -1,0 +1,79 @@
+"""What several commands read from the command line, and how they refuse it."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..output.formats import WRITERS, ending
+from ..settings import Settings
+
+
+def parse_settings(pairs: Sequence[str]) -> Settings:
+    """Settings from ``NAME=VALUE`` words.
+
+    Raises
+    ------
+    ValueError
+        With a sentence that names the word.
+    """
+    values = {}
+    for pair in pairs:
+        name, sign, text = pair.partition("=")
+        if not sign:
+            raise ValueError(f"--set takes NAME=VALUE, got {pair!r}.")
+        try:
+            values[name] = json.loads(text)
+        except ValueError:
+            numbers = text.split(",")
+            if len(numbers) == 2 and all(x.strip().isdigit() for x in numbers):
+                values[name] = [int(x) for x in numbers]
+            else:
+                values[name] = text
+    return Settings.from_dict(values)
+
+
+def check_outputs(outputs: Sequence[str], report: str | None = None) -> None:
+    """Refuse what cannot be written before the work is done, not after it.
+
+    Raises
+    ------
+    ValueError
+        With a sentence that names the file.
+    """
+    for name in outputs:
+        if not ending(name):
+            raise ValueError(
+                f"{name}: unknown ending; choose one of "
+                f"{', '.join(['.npz', *WRITERS])}."
+            )
+    if report is not None and Path(report).suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"{report}: the page must end in .html.")
+    for name in (*outputs, *([report] if report else [])):
+        try:
+            why = _why_not_writable(Path(name))
+        except OSError as error:
+            why = f"cannot be written ({error.strerror}); choose another name"
+        if why:
+            raise ValueError(f"{name}: {why}.")
+
+
+def say(sentence: str) -> None:
+    """A sentence on the terminal, whatever the output is piped into."""
+    sys.stderr.write(f"bsface: {sentence}\n")
+
+
+def _why_not_writable(path: Path) -> str:
+    if path.is_dir():
+        return "is a folder; give the name of a file in it"
+    folder = path.absolute().parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not folder.is_dir():
+        return f"cannot be written ({folder} is a file); choose another folder"
+    if not os.access(folder, os.W_OK):
+        return f"cannot be written (no permission in {folder}); choose another folder"
+    return ""

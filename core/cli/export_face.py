@@ -1,0 +1,76 @@
+"""``python -m bsface export``: a finished face in other formats."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from ..errors import ReconstructionError
+from ..output.formats import ending, export, read_npz
+from .arguments import check_outputs, say
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="bsface export", description="Write a finished face in other formats."
+    )
+    p.add_argument("face", help="face file (.npz)")
+    p.add_argument(
+        "-o",
+        "--output",
+        action="append",
+        required=True,
+        help="file to write; its ending is the format; may be given again",
+    )
+    p.add_argument(
+        "--tolerance",
+        type=float,
+        default=0.05,
+        metavar="MM",
+        help="of meshes (.obj, .ply), default 0.05",
+    )
+    p.add_argument(
+        "--whole", action="store_true", help="do not trim to the outline of the face"
+    )
+    p.add_argument("--name", help="name of the object, by default that of the file")
+    p.add_argument("-q", "--quiet", action="store_true", help="say nothing")
+    return p
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the command.
+
+    Returns
+    -------
+    int
+        0 done, 1 the face cannot be read or a file not be written, 2 wrong call.
+    """
+    args = parser().parse_args(argv)
+    try:
+        check_outputs(args.output)
+        if any(ending(name) == ".npz" for name in args.output):
+            raise ValueError("The face is a .npz file already; copy it.")
+        if not args.tolerance > 0:
+            raise ValueError(
+                f"--tolerance must be a positive length, not {args.tolerance:g}."
+            )
+    except ValueError as error:
+        say(str(error))
+        return 2
+    try:
+        face = read_npz(args.face)
+        for name in args.output:
+            export(
+                name,
+                face,
+                trimmed=not args.whole,
+                tolerance=args.tolerance,
+                name=args.name,
+            )
+    except ReconstructionError as error:
+        say(str(error))
+        return 1
+    if not args.quiet:
+        say(f"{', '.join(args.output)} written")
+    return 0

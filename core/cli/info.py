@@ -1,0 +1,106 @@
+"""``python -m bsface info``: what a face file holds."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import ReconstructionError
+from ..output.formats.npz import SavedFace, read_npz, to_json
+from .arguments import say
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="bsface info", description="Say what a face file holds."
+    )
+    p.add_argument("face", help="face file (.npz)")
+    p.add_argument("--json", action="store_true", help="print it as JSON")
+    return p
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the command.
+
+    Returns
+    -------
+    int
+        0 done, 1 the file is no face.
+    """
+    args = parser().parse_args(argv)
+    try:
+        face = read_npz(args.face)
+    except ReconstructionError as error:
+        say(str(error))
+        return 1
+    facts = summary(face)
+    text = to_json(facts, indent=1) if args.json else "\n".join(_lines(facts))
+    sys.stdout.write(text + "\n")
+    return 0
+
+
+def summary(face: SavedFace) -> dict[str, Any]:
+    """The facts about a face file: size, run, photos.
+
+    Parameters
+    ----------
+    face : SavedFace
+
+    Returns
+    -------
+    dict
+        Plain values: ``control_points`` (M, N), ``size_mm`` (width, height, depth of
+        the surface), ``method``, ``eye_distance_mm``, ``used``, ``photos``,
+        ``confidence_mm`` (median standard deviation, or None), ``lit`` (whether lights
+        and albedo are stored), ``warnings``, ``settings`` and ``report``.
+    """
+    points = face.surface.grid(60, 60).reshape(-1, 3)
+    spread = None if face.confidence is None else float(np.median(face.confidence))
+    rows = [row for row in face.report if isinstance(row, Mapping)]
+    settings = face.settings if isinstance(face.settings, Mapping) else {}
+    about = face.about if isinstance(face.about, Mapping) else {}
+    return {
+        "control_points": list(face.surface.shape),
+        "size_mm": [round(float(x), 2) for x in np.ptp(points, axis=0)],
+        "method": settings.get("method"),
+        "eye_distance_mm": settings.get("eye_distance_mm"),
+        "used": sum(row.get("status") == "used" for row in rows),
+        "photos": len(rows),
+        "confidence_mm": spread,
+        "lit": bool(face.photometric),
+        "warnings": list(about.get("warnings") or ()),
+        "settings": dict(settings),
+        "report": rows,
+    }
+
+
+def _lines(facts: dict[str, Any]) -> list[str]:
+    m, n = facts["control_points"]
+    width, height, depth = facts["size_mm"]
+    lines = [
+        f"surface   {m} x {n} control points, bicubic, uniform knots",
+        f"size      {width:.1f} x {height:.1f} x {depth:.1f} mm",
+        f"method    {facts['method'] or 'unknown'}",
+        f"photos    {facts['used']} of {facts['photos']} used",
+    ]
+    if facts["eye_distance_mm"] is not None:
+        lines.insert(2, f"eyes      {facts['eye_distance_mm']:g} mm apart")
+    if facts["confidence_mm"] is not None:
+        lines.append(f"spread    {facts['confidence_mm']:.2f} mm (median)")
+    lines += [f"warning   {sentence}" for sentence in facts["warnings"]]
+    names = [str(row.get("name", "")) for row in facts["report"]]
+    width = max(map(len, names), default=0)
+    for name, row in zip(names, facts["report"], strict=True):
+        status = str(row.get("status", ""))
+        if status == "used":
+            angles = [row.get(k) for k in ("yaw", "pitch", "roll")]
+            shown = " ".join("     " if a is None else f"{a:5.0f}" for a in angles)
+            lines.append(f"  {name:<{width}}  used  yaw, pitch, roll {shown}")
+        else:
+            lines.append(f"  {name:<{width}}  {status}: {row.get('reason', '')}")
+    return lines

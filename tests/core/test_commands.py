@@ -1,0 +1,164 @@
+"""``python -m bsface batch``, ``export`` and ``info``."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from bsface import __main__
+from bsface.output import batch
+from bsface.output.formats.npz import write_npz
+from fake_face import painted_reconstruction, person_folder
+
+QUICK = [
+    "--set=method=motion",
+    "--set=control_points=10,11",
+    "--set=detector=false",
+]
+
+
+@pytest.fixture(scope="module")
+def face(tmp_path_factory):
+    path = tmp_path_factory.mktemp("face") / "face.npz"
+    return write_npz(path, painted_reconstruction(count=2, side=60))
+
+
+def run(capsys, *words) -> tuple[int, str, str]:
+    """Exit code, what was printed, what was said on stderr."""
+    try:
+        code = __main__.main([str(w) for w in words])
+    except SystemExit as end:  # argparse
+        code = end.code
+    said = capsys.readouterr()
+    assert "Traceback" not in said.err
+    return code, said.out, said.err
+
+
+# --- export --------------------------------------------------------------------------
+
+
+def test_export_to_several_formats(capsys, face, tmp_path):
+    names = ["a.step", "a.igs", "a.nurbs.obj", "a.ply"]
+    words = [w for name in names for w in ("-o", tmp_path / "sub" / name)]
+    code, printed, said = run(capsys, "export", face, *words)
+    assert (code, printed) == (0, "")
+    assert said.endswith("a.ply written\n")
+    assert sorted(os.listdir(tmp_path / "sub")) == sorted(names)
+
+
+def test_export_follows_its_options(capsys, face, tmp_path):
+    """A coarse mesh is smaller, a whole one larger than the trimmed one."""
+    sizes = []
+    for words in ([], ["--tolerance", "1"], ["--whole"]):
+        out = tmp_path / "a.ply"
+        code, _, said = run(capsys, "export", face, "-o", out, "-q", *words)
+        assert (code, said) == (0, "")
+        sizes.append(out.stat().st_size)
+    assert sizes[1] < sizes[0] < sizes[2]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["-o", "a.xyz"], "a.xyz: unknown ending"),
+        (["-o", "a.npz"], "The face is a .npz file already; copy it."),
+        (["-o", "a.ply", "--tolerance", "0"], "must be a positive length, not 0."),
+        (["-o", "a.ply", "--tolerance", "nan"], "must be a positive length, not nan."),
+    ],
+)
+def test_export_called_wrongly(capsys, face, tmp_path, monkeypatch, words, sentence):
+    monkeypatch.chdir(tmp_path)
+    code, printed, said = run(capsys, "export", face, *words)
+    assert (code, printed) == (2, "")
+    assert sentence in said
+    assert said.count("\n") == 1
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("words", [["export", "-o", "a.step"], ["info"]])
+@pytest.mark.parametrize("content", [None, b"", b"no face", b"PK\x03\x04 damaged"])
+def test_not_a_face(capsys, tmp_path, monkeypatch, words, content):
+    monkeypatch.chdir(tmp_path)
+    if content is not None:
+        (tmp_path / "face.npz").write_bytes(content)
+    code, printed, said = run(capsys, words[0], "face.npz", *words[1:])
+    assert (code, printed) == (1, "")
+    assert said.startswith("bsface: face.npz")
+    assert said.count("\n") == 1
+    assert not (tmp_path / "a.step").exists()
+
+
+# --- info ----------------------------------------------------------------------------
+
+
+def test_info_for_people(capsys, face):
+    code, printed, _ = run(capsys, "info", face)
+    assert code == 0
+    assert "16 x 18 control points" in printed
+    assert "2 of 2 used" in printed
+    assert "All photos were taken from the front; add some" in printed
+
+
+def test_info_for_programs(capsys, face):
+    code, printed, _ = run(capsys, "info", face, "--json")
+    said = json.loads(printed)
+    assert code == 0
+    assert said["control_points"] == [16, 18]
+    # the cap of `fake_face` is 140 mm wide and 180 mm high
+    assert np.allclose(said["size_mm"][:2], [140, 180], atol=1)
+    assert [row["name"] for row in said["report"]] == ["000.png", "001.png"]
+
+
+# --- batch ---------------------------------------------------------------------------
+
+
+def test_batch_by_its_word(capsys, tmp_path, monkeypatch):
+    """People in, files out, with the settings of the command line."""
+    person_folder(tmp_path / "people" / "anna", count=2)
+    person_folder(tmp_path / "people" / "ben", count=2, seed=1)
+    (tmp_path / "people" / "carl").mkdir()
+    monkeypatch.setattr(batch, "_on_processes", in_this_process)
+    out = tmp_path / "out"
+    code, printed, said = run(
+        capsys, "batch", tmp_path / "people", out, "--write=face.npz", *QUICK
+    )
+    assert code == 1  # carl has no photos
+    assert "[1/3] anna: done" in said
+    assert "carl" in printed
+    for name in ("anna", "ben"):
+        code, printed, _ = run(capsys, "info", out / name / "face.npz", "--json")
+        assert json.loads(printed)["settings"]["method"] == "motion"
+
+
+def in_this_process(jobs, workers):
+    for job in jobs.values():
+        yield batch.run_person(*job)
+
+
+def test_batch_called_wrongly(capsys, tmp_path):
+    code, _, said = run(capsys, "batch", tmp_path, tmp_path / "out", "--set=lam=-1")
+    assert code == 2
+    assert "lam must lie between" in said
+    code, _, said = run(capsys, "batch", tmp_path / "none", tmp_path / "out")
+    assert code == 1
+    assert said.startswith("bsface: ")
+    code, _, said = run(capsys, "batch")
+    assert code == 2
+    assert said.startswith("usage: bsface batch")
+
+
+# --- all of them ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("word", [[], ["batch"], ["export"], ["info"]])
+def test_help(capsys, word):
+    code, printed, _ = run(capsys, *word, "--help")
+    assert code == 0
+    assert printed.startswith(" ".join(["usage: bsface", *word]))
+
+
+def test_folder_with_the_name_of_a_command(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    person_folder(tmp_path / "info", count=2)
+    code, _, said = run(capsys, "./info", "-o", "a.npz", "-q", *QUICK)
+    assert (code, said) == (0, "")
