@@ -9,13 +9,29 @@ Writes HTML pages, one a module, into ``out/docs/api`` unless told otherwise; st
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
+import pkgutil
 import sys
 import warnings
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "docs" / "api"
+
+
+def modules() -> list[str]:
+    """Dotted names for pdoc, which finds the modules inside a package by itself.
+
+    Except in packages with ``__all__``: the modules of those are named here.
+    """
+    package = importlib.import_module("bsface")
+    names = ["bsface"]
+    for found in pkgutil.walk_packages(package.__path__, "bsface."):
+        parent = importlib.import_module(found.name.rpartition(".")[0])
+        if hasattr(parent, "__all__") and not found.name.endswith("__main__"):
+            names.append(found.name)
+    return names
 
 
 def main(folder: str | Path = OUT) -> None:
@@ -30,8 +46,10 @@ def main(folder: str | Path = OUT) -> None:
     folder = Path(folder)
     # Named tuples keep annotations as text in which pdoc finds no module.
     warnings.filterwarnings("ignore", "Error parsing type annotation")
+    # A library asks for the processor's name when it is imported.
+    warnings.filterwarnings("ignore", "Suppressed execution")
     render.configure(docformat="numpy", show_source=True)
-    pdoc("bsface", output_directory=folder)
+    pdoc(*modules(), output_directory=folder)
     pages = len(list(folder.rglob("*.html")))
     print(f"{pages} pages in {folder}; start with bsface.html")
 
