@@ -70,7 +70,8 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    logging.basicConfig(level=logging.WARNING, format="%(message)s")
+    # What the library logs are the result's warnings, which are told at the end.
+    logging.getLogger(__package__).addHandler(logging.NullHandler())
     if words and words[0] in _COMMANDS:
         return _COMMANDS[words[0]](words[1:])
     return reconstruct_command(words)
@@ -139,6 +140,8 @@ def _tell(args: argparse.Namespace, result) -> None:
         for r in result.reports:
             if r.status != "used":
                 sys.stderr.write(f"{r.name}: {r.reason}\n")
+        for warning in result.warnings:
+            sys.stderr.write(f"note: {warning}\n")
         sys.stderr.write(
             f"{len(used)} of {len(result.reports)} photos used; "
             f"{', '.join(args.output)} written\n"
