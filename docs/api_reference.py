@@ -28,8 +28,9 @@ def modules() -> list[str]:
     package = importlib.import_module("bsface")
     names = ["bsface"]
     for found in pkgutil.walk_packages(package.__path__, "bsface."):
-        parent = importlib.import_module(found.name.rpartition(".")[0])
-        if hasattr(parent, "__all__") and not found.name.endswith("__main__"):
+        above, _, last = found.name.rpartition(".")
+        public = getattr(importlib.import_module(above), "__all__", None)
+        if public is not None and last not in ("__main__", *public):
             names.append(found.name)
     return names
 
