@@ -6,7 +6,14 @@ import shutil
 import sys
 import tempfile
 
+import hypothesis
 import pytest
+
+# The same examples in each run, and no clock: a failure means a defect, not a slow
+# machine. Look for new examples with `--hypothesis-profile=search`.
+hypothesis.settings.register_profile("bsface", derandomize=True, deadline=None)
+hypothesis.settings.register_profile("search", deadline=None, max_examples=1000)
+hypothesis.settings.load_profile("bsface")
 
 HAS_BPY = importlib.util.find_spec("bpy") is not None
 # Without Blender's Python module these folders cannot even be imported.
