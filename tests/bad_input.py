@@ -1,7 +1,7 @@
 """The table of bad input: what a user can hand over, and what has to come of it.
 
 Shared by the tests, which run every row through the library and the command line, and
-by ``tools/bad_input_page.py``, which writes the messages to ``docs/bad_input.md``.
+by ``docs/bad_input_page.py``, which writes the messages to ``docs/bad_input.md``.
 """
 
 from __future__ import annotations
@@ -65,6 +65,7 @@ class JobRow:
     exit: int
     words: str
     hold: Callable[[], Any] = field(default=contextlib.nullcontext)
+    library: bool = True  #: whether the library has this door too
 
 
 @dataclass(frozen=True)
@@ -485,4 +486,46 @@ def job_rows() -> list[JobRow]:
             "skin is missing",
         ),
     ]
-    return [*photos, *output, *wrong, *templates]
+    commands = [
+        JobRow(title, make, 1, words, library=False)
+        for title, make, words in (
+            (
+                "export: no such file",
+                lambda f: ["export", str(f / "none.npz"), "-o", str(f / "a.obj")],
+                "there is no such file",
+            ),
+            (
+                "export: not a face file",
+                lambda f: ["export", str(BUNDLED), "-o", str(f / "a.obj")],
+                "not a face file",
+            ),
+            ("info: text", lambda f: ["info", _file(f)], "not a readable .npz file"),
+            (
+                "batch: no such folder",
+                lambda f: ["batch", str(f / "none"), str(f / "out")],
+                "cannot open this folder",
+            ),
+            (
+                "batch: no folders in it",
+                lambda f: ["batch", good_folder(f), str(f / "out")],
+                "has no sub-folders",
+            ),
+        )
+    ]
+    return [*photos, *output, *wrong, *templates, *commands]
+
+
+# --- the page ------------------------------------------------------------------------
+
+
+def message(row: JobRow, said: Said) -> str:
+    """The sentence of a call: the last line, or the note that the row is about."""
+    lines = said.errors.strip().splitlines()
+    return next((x for x in lines if row.exit == 0 and row.words in x), lines[-1])
+
+
+def table_line(folder: Path, *cells: object) -> str:
+    """A line of the page, with the test's folder shown as a user's."""
+    text = (str(cell).replace(str(folder), "/home/ann") for cell in cells)
+    text = (cell.replace(str(ROOT), "/opt/bsface") for cell in text)
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in text) + " |"

@@ -21,6 +21,14 @@ def sentence(text: str) -> None:
     assert "Traceback" not in text and "Error" not in text
 
 
+def on_page(folder: Path, *cells: object) -> None:
+    """The documentation shows this message."""
+    line = bad_input.table_line(folder, *cells)
+    assert line in PAGE.read_text("utf-8").splitlines(), (
+        f"{line}\nis not in docs/bad_input.md: run python docs/bad_input_page.py"
+    )
+
+
 # --- bad photos among good ones ------------------------------------------------------
 
 
@@ -35,6 +43,7 @@ def check_folder(folder, rows, detector):
         assert told[row.name].status == row.code, row
         if row.code != "used":
             sentence(told[row.name].reason)
+        on_page(folder.parent, row.title, row.code, told[row.name].reason)
     out = folder.parent / "out" / "face.npz"
     words = [str(folder), "-o", str(out), "--json", "-q", *bad_input.QUICK]
     if not detector:
@@ -91,6 +100,7 @@ def test_command_line(row, tmp_path, monkeypatch):
     with row.hold():
         said = bad_input.run(words, tmp_path / "out")
     assert said.exit == row.exit, said.errors
+    on_page(tmp_path, row.title, said.exit, bad_input.message(row, said))
     assert row.words in said.errors
     assert "Traceback" not in said.errors
     assert said.printed == ""
@@ -107,7 +117,10 @@ def test_command_line(row, tmp_path, monkeypatch):
         assert said.left == {"face.npz"}
 
 
-@pytest.mark.parametrize("row", JOBS, ids=[row.title for row in JOBS])
+DOORS = [row for row in JOBS if row.library]
+
+
+@pytest.mark.parametrize("row", DOORS, ids=[row.title for row in DOORS])
 def test_library(row, tmp_path, monkeypatch):
     """The same by Python: an exception of the promised kind with the same sentence."""
     monkeypatch.chdir(tmp_path)
