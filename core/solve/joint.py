@@ -144,7 +144,7 @@ def sample_grid(template: Template, grid: int) -> Array:
     """Skin points on a regular grid of (u, v), ``(p, 2)``."""
     x = (np.arange(grid) + 0.5) / grid
     uv = np.stack(np.meshgrid(x, x, indexing="ij"), -1).reshape(-1, 2)
-    keep = template.is_skin(uv) & template.inside(uv)
+    keep = template.is_skin(uv)
     for dx, dy in ((0.01, 0), (-0.01, 0), (0, 0.01), (0, -0.01)):
         keep &= template.is_skin(uv + (dx, dy))
     return uv[keep]
