@@ -26,6 +26,7 @@ from .result import PhotoReport, Reconstruction
 from .settings import Settings
 from .solve.bundle import Bundle, BundleOptions, Observations, adjust
 from .solve.classic import run_imls
+from .solve.edited import edited_template
 from .solve.expression import expression_moves, settle_expressions
 from .solve.frame import head_frame
 from .solve.joint import JointOptions, Level, refine
@@ -266,9 +267,7 @@ def _linear_cameras(gathered, template, seen, settings) -> list[Camera]:
 
 def _template(given, settings: Settings) -> Template:
     if isinstance(given, BSplineSurface):
-        settings = replace(settings, control_points=given.shape)
-        base = load_template().resampled(given.shape)
-        return replace(base, surface=given)
+        return edited_template(given, load_template())
     try:
         base = load_template() if given is None else given
     except ValueError as error:

@@ -114,7 +114,7 @@ class Settings:
     finest_blur_mm: float = 1.0
     iterations: int = 5
     outer_passes: int = 3
-    lam: float = 1.0
+    lam: float = 10.0
     zeta: float = 1e-3
 
     def __post_init__(self) -> None:
