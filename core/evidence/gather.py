@@ -34,6 +34,7 @@ from .landmarks import (
 )
 from .photos import Photo, cut, list_photos, read_photo
 from .plausible import FaceFit, fit_face, judge_fit
+from .pose_linear import linear_pose
 from .quality import judge_quality
 
 # The cut-out is the box of all the face's landmarks, so much larger.
@@ -238,9 +239,19 @@ class _Reader:
             self.template.eye_distance,
         )
 
+    def _no_pose(self, landmarks: Landmarks) -> PhotoFailure | None:
+        """A failure if the usable landmarks leave the pose open, or None."""
+        indices = self.template.schemes[landmarks.scheme]
+        weight = self.template.landmark_reliable[indices] * landmarks.weight
+        xyz = self.template.landmark_xyz[indices]
+        pose = linear_pose(landmarks.points, xyz, weight, name=landmarks.photo)
+        return pose if isinstance(pose, PhotoFailure) else None
+
     def _judge(self, photo: Photo, landmarks: Landmarks) -> Candidate:
         fit = self._fit(landmarks.points, landmarks.scheme, landmarks.weight)
         failure = judge_fit(fit, landmarks, photo.size)
+        if failure is None:
+            failure = self._no_pose(landmarks)
         xy = landmarks.points
         if failure is None:
             # A scheme without forehead still gets a cut-out with one: the
