@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 
@@ -244,6 +245,33 @@ def test_wrong_folder(capsys, tmp_path):
     assert code == 1
     assert "give the folder that holds the photos." in said
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM", "SIGKILL"])
+def test_stopped_from_outside(photos, tmp_path, stop):
+    """In the middle of the work: the old file stays, and nothing else is there."""
+    out = tmp_path / "face.npz"
+    out.write_bytes(b"the old one")
+    words = [str(photos), "-o", str(out), "--set=iterations=50", "--set=detector=false"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "bsface", *words],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    ) as process:
+        assert process.stderr.readline().startswith("landmarks")
+        process.send_signal(getattr(signal, stop))
+        said = process.stderr.read()
+        code = process.wait(timeout=60)
+    if stop == "SIGINT":
+        assert code == 130
+        assert "interrupted, nothing written" in said
+        assert "Traceback" not in said
+    else:
+        assert code == -getattr(signal, stop)
+    assert os.listdir(tmp_path) == ["face.npz"]
+    assert out.read_bytes() == b"the old one"
 
 
 # --- parts ---------------------------------------------------------------------------

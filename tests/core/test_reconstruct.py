@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import hypothesis
 import numpy as np
 import pytest
 from bsface import BSplineSurface, Cancelled, ReconstructionError, Settings, reconstruct
@@ -23,6 +24,7 @@ from bsface.progress import STAGES
 from bsface.solve.frame import eye_centres, fit_similarity
 from bsface.surface.template import load_template
 from fake_face import skin_pattern
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -410,18 +412,48 @@ def test_one_side_only(truth):
     assert max(left, right) > 1.1 * min(left, right)
 
 
-def test_landmarks_that_leave_the_pose_open_cost_only_their_photo(drawn):
-    """Four usable landmarks, or a line of them, in one of the photos."""
+@pytest.mark.parametrize(
+    "known",
+    [[], [30, 31, 32, 33], [27, 28, 29, 30, 33, 51, 57]],
+    ids=["none", "four", "the middle line"],
+)
+def test_landmarks_that_leave_the_pose_open_cost_only_their_photo(drawn, known):
     photos, marks = drawn
-    few = np.zeros(68)
-    few[:4] = 1
-    line = np.zeros(68)
-    line[27:31] = line[51] = line[57] = 1  # the middle of the face
-    for weight in (few, line, np.zeros(68)):
-        given = {**marks, "picture 2": replace(marks["picture 2"], weight=weight)}
-        found = reconstruct(photos[:4], MOTION, landmarks=given)
-        plausible(found)
-        assert found.reports[1].status != "used" or weight is line
+    weight = np.zeros(68)
+    weight[known] = 1
+    some = {**marks, "picture 2": replace(marks["picture 2"], weight=weight)}
+    found = reconstruct(photos[:4], MOTION, landmarks=some)
+    plausible(found)
+    assert found.reports[1].status in ("implausible", "small_face")
+    assert [row.status for row in found.reports].count("used") == 3
+
+
+@hypothesis.given(seed=st.integers(0, 2**32 - 1))
+@hypothesis.settings(
+    max_examples=15,
+    deadline=None,
+    suppress_health_check=[hypothesis.HealthCheck.function_scoped_fixture],
+)
+def test_any_landmarks_end_in_a_finite_face_or_a_sentence(drawn, seed):
+    """Noise of any size, any affine distortion, any weights, in some of the photos."""
+    photos, marks = drawn
+    rng = np.random.default_rng(seed)
+    given = {}
+    for name, item in list(marks.items())[:3]:
+        points = item.points
+        if rng.random() < 0.7:
+            bend = np.eye(2) + rng.normal(0, rng.choice([0.05, 0.5]), (2, 2))
+            points = (points - 100) @ bend + 100 + rng.normal(0, 20, 2)
+            points = points + rng.normal(0, rng.choice([0.5, 3, 30]), points.shape)
+        weight = rng.random(68) * (rng.random(68) < rng.choice([0.1, 0.6, 1]))
+        given[name] = replace(item, points=points, weight=weight)
+    try:
+        found = reconstruct(photos[:3], MOTION, landmarks=given)
+    except ReconstructionError as error:
+        assert "None of the 3 photos can be used" in str(error)
+    else:
+        assert np.isfinite(found.surface.control_points).all()
+        assert np.abs(found.surface.control_points).max() < 400
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e12, -1e12, 0.0])
@@ -429,8 +461,8 @@ def test_landmarks_that_are_no_numbers_cost_only_their_photo(drawn, value):
     photos, marks = drawn
     bad = marks["picture 2"].points.copy()
     bad[:40] = value
-    given = {**marks, "picture 2": replace(marks["picture 2"], points=bad)}
-    found = reconstruct(photos[:4], MOTION, landmarks=given)
+    some = {**marks, "picture 2": replace(marks["picture 2"], points=bad)}
+    found = reconstruct(photos[:4], MOTION, landmarks=some)
     plausible(found)
     assert found.reports[1].status == "implausible"
 
