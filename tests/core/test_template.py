@@ -245,5 +245,5 @@ def test_own_file_is_read(tmp_path, small):
     own = load_template(path)
     assert own.surface.shape == load_template().surface.shape
     assert len(own.identity_modes) == 1
-    path.write_bytes(packed({**small, "identity_modes": np.zeros((0, 40, 44, 3))}))
+    path.write_bytes(packed({**small, "identity_modes": small["identity_modes"][:0]}))
     assert load_template(path).resampled((12, 12)).identity_modes.shape[0] == 0
