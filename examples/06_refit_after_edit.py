@@ -11,7 +11,7 @@ from pathlib import Path
 import bsface
 import numpy as np
 from bsface.output.formats import export
-from bsface.solve.edited import edited_template, hold
+from bsface.solve.edited import hold
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
@@ -29,11 +29,10 @@ def main(photos=PHOTOS, out=OUT, settings=None):
 
     # The edited face becomes the template b_t of the next run; landmarks that are
     # known need not be found again.
-    template = edited_template(edited, bsface.load_template())
     second = bsface.reconstruct(
         photos,
         first.settings,
-        template=template,
+        template=edited,
         landmarks={marks.photo: marks for marks in first.landmarks},
     )
     moved = np.linalg.norm(second.surface.control_points - b, axis=2)[held]
