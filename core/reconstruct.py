@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +19,7 @@ from .evidence.coverage import shortcomings
 from .evidence.gather import Gathered, gather
 from .evidence.landmarks import Landmarks
 from .evidence.photometric import PhotometricEvidence
+from .evidence.photos import natural_key
 from .evidence.pose_linear import linear_pose
 from .progress import Progress, Step
 from .result import PhotoReport, Reconstruction
@@ -33,6 +33,7 @@ from .solve.joint import JointOptions, Level, refine
 from .surface.bspline import BSplineSurface
 from .surface.prior import shape_prior
 from .surface.template import Template, load_template
+from .threads import one_blas_thread
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -46,7 +47,7 @@ def reconstruct(
     photos: str | os.PathLike | Sequence,
     settings: Settings | None = None,
     *,
-    template: Template | BSplineSurface | None = None,
+    template: Template | BSplineSurface | str | os.PathLike | None = None,
     progress: Progress | None = None,
     ignore: Sequence[str] = (),
     landmarks: Mapping[str, Landmarks] | None = None,
@@ -57,7 +58,7 @@ def reconstruct(
     ----------
     photos : folder, or sequence of paths or of (H, W, 3) RGB arrays
     settings : Settings, optional
-    template : Template or BSplineSurface, optional
+    template : Template, path of a template file, or BSplineSurface, optional
         Another ``b_t``; a bare surface (an edited result) keeps the landmarks and modes
         of the bundled template.
     progress : callable, optional
@@ -81,16 +82,18 @@ def reconstruct(
     settings = settings or Settings()
     clock = _Clock(progress)
     model = _template(template, settings)
-    gathered = gather(
-        photos,
-        settings,
-        clock.nested("landmarks"),
-        template=model,
-        landmarks=landmarks,
-        ignore=ignore,
-    )
-    clock.lap("landmarks")
-    return solve(gathered, settings, model, clock)
+    settings = replace(settings, control_points=model.surface.shape)
+    with one_blas_thread():
+        gathered = gather(
+            photos,
+            settings,
+            clock.nested("landmarks"),
+            template=model,
+            landmarks=landmarks,
+            ignore=ignore,
+        )
+        clock.lap("landmarks")
+        return solve(gathered, settings, model, clock)
 
 
 def solve(
@@ -269,7 +272,7 @@ def _template(given, settings: Settings) -> Template:
     if isinstance(given, BSplineSurface):
         return edited_template(given, load_template())
     try:
-        base = load_template() if given is None else given
+        base = given if isinstance(given, Template) else load_template(given)
     except ValueError as error:
         raise ReconstructionError(str(error)) from error
     return base.resampled(settings.control_points)
@@ -328,13 +331,7 @@ def _photo_reports(gathered, template, shown: Bundle, seen, evidence):
                 weight,
             )
         )
-    order = {name: k for k, name in enumerate(_natural(r.name for r in reports))}
-    return tuple(sorted(reports, key=lambda r: order[r.name]))
-
-
-def _natural(names) -> list[str]:
-    split = lambda x: [int(y) if y.isdigit() else y for y in re.split(r"(\d+)", x)]  # noqa: E731
-    return sorted(names, key=split)
+    return tuple(sorted(reports, key=lambda r: natural_key(r.name)))
 
 
 class _Progress(NamedTuple):

@@ -242,7 +242,8 @@ class _Reader:
     def _no_pose(self, landmarks: Landmarks) -> PhotoFailure | None:
         """A failure if the usable landmarks leave the pose open, or None."""
         indices = self.template.schemes[landmarks.scheme]
-        weight = self.template.landmark_reliable[indices] * landmarks.weight
+        reliable = self.template.landmark_reliable[indices]
+        weight = np.where(reliable, landmarks.weight, 0.0)
         xyz = self.template.landmark_xyz[indices]
         pose = linear_pose(landmarks.points, xyz, weight, name=landmarks.photo)
         return pose if isinstance(pose, PhotoFailure) else None

@@ -65,8 +65,14 @@ def rotation(R: Array, order: int = 9) -> Array:
     """
     # The space of the harmonics is closed under rotation, so any spread of directions
     # determines the matrix exactly.
-    k = np.arange(40) + 0.5
-    z, angle = 1 - 2 * k / 40, k * np.pi * (1 + 5**0.5)
+    n = even_directions(40)
+    turned, plain = basis(n @ R.T, order), basis(n, order)
+    return np.asarray(np.linalg.lstsq(turned, plain, rcond=None)[0].T, float)
+
+
+def even_directions(count: int) -> Array:
+    """Fibonacci points on the unit sphere, ``(count, 3)``."""
+    k = np.arange(count) + 0.5
+    z, angle = 1 - 2 * k / count, k * np.pi * (1 + 5**0.5)
     r = np.sqrt(1 - z * z)
-    n = np.stack([r * np.cos(angle), r * np.sin(angle), z], 1)
-    return np.linalg.lstsq(basis(n @ R.T, order), basis(n, order), rcond=None)[0].T
+    return np.asarray(np.stack([r * np.cos(angle), r * np.sin(angle), z], 1), float)

@@ -142,7 +142,7 @@ def photometric_svd(
     root = np.sqrt(D[:RANK])
     L0, S0 = U[:, :RANK] * root, root[:, None] * Vt[:RANK]
     St = template_shape(filled.mean(0), St_normals, common)
-    A0 = fit_ambiguity(S0, St[:, common])
+    A0 = fit_ambiguity(np.asarray(S0, float), St[:, common])
     # A changes the basis of S and its inverse that of L: L~ S~ = (L~ A^-1) (A S~).
     L: Array = np.asarray(np.linalg.lstsq(A0.T, L0.T, rcond=None)[0].T, float)
     S = constrained_shape(filled, L, seen, St)

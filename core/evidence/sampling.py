@@ -87,7 +87,7 @@ def _bilinear(image: NDArray[np.float32], at: NDArray[np.float32]) -> Array:
         ).reshape(rows * 1024, -1)
         for k in range(0, image.shape[2], 4)
     ]
-    return np.concatenate(parts, 1)[: len(at)]
+    return np.concatenate(parts, 1).astype(np.float64)[: len(at)]
 
 
 def smooth_photo(

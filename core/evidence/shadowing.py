@@ -20,6 +20,7 @@ from scipy.special import sph_harm_y
 
 from ..surface.bspline import BSplineSurface
 from .camera import Camera
+from .harmonics import even_directions
 from .sampling import hidden_in
 
 Array = NDArray[np.float64]
@@ -93,15 +94,8 @@ def light_basis(directions: Array, degree: int) -> Array:
             part = value.imag if m < 0 else value.real
             columns.append(part * (np.sqrt(2) if m else 1.0))
     # unit shading of a full sky from in front: 1 for the constant term
-    return np.stack(columns, 1) * (4 * np.pi / len(directions)) / (np.pi * 0.2821)
-
-
-def even_directions(count: int) -> Array:
-    """Fibonacci points on the unit sphere, ``(count, 3)``."""
-    k = np.arange(count) + 0.5
-    z, angle = 1 - 2 * k / count, k * np.pi * (1 + 5**0.5)
-    r = np.sqrt(1 - z * z)
-    return np.stack([r * np.cos(angle), r * np.sin(angle), z], 1)
+    scale = 4 * np.pi / len(directions) / (np.pi * 0.2821)
+    return scale * np.asarray(np.stack(columns, 1), float)
 
 
 def _facing(w: Array) -> Array:

@@ -299,8 +299,9 @@ def _own_faces(template: Template, start: Bundle) -> Array:
 def _samples(template, reference, surface, level, own, options) -> _Samples:
     uv = sample_grid(template, level.grid)
     shape = surface.shape
-    T = [basis_matrix(shape, *uv.T, *k) for k in ((0, 0), (1, 0), (0, 1))]
-    fu, fv = reference.evaluate(*uv.T, 1, 0), reference.evaluate(*uv.T, 0, 1)
+    u, v = uv.T
+    T = [basis_matrix(shape, u, v, *k) for k in ((0, 0), (1, 0), (0, 1))]
+    fu, fv = reference.evaluate(u, v, du=1), reference.evaluate(u, v, dv=1)
     area = np.linalg.norm(np.cross(fu, fv), axis=1)
     kept = own if own.any() else own[:1]
     moves = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]

@@ -130,7 +130,7 @@ def normal_equations(
         for b in range(3)
     ]
     right = -np.einsum("ipa,ip->pa", Wc, r)
-    gd = sum(T[a].T @ right[:, a] for a in range(3))
+    gd = np.sum([T[a].T @ right[:, a] for a in range(3)], axis=0)
     Wsh = Ws[..., None] * h
     B = np.zeros((T[0].shape[1], n * m))
     for a in range(3):

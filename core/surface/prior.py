@@ -93,7 +93,7 @@ class ShapePrior:
 
 
 def _dense(matrix: sparse.csr_array | Array) -> Array:
-    return matrix.toarray() if sparse.issparse(matrix) else np.asarray(matrix)
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
 
 def shape_prior(
