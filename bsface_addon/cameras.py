@@ -173,13 +173,13 @@ def look_through(context, camera, switch_views=True):
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     context.scene.camera = camera
     if switch_views:
-        for region in _views(context):
+        for region in views(context):
             region.view_perspective = "CAMERA"
 
 
 def leave_views(context):
     """Views that look through a camera look freely again."""
-    for region in _views(context):
+    for region in views(context):
         if region.view_perspective == "CAMERA":
             region.view_perspective = "PERSP"
 
@@ -191,7 +191,8 @@ def put_photo(view, front):
         slot.alpha = 0.5 if front else 1.0
 
 
-def _views(context):
+def views(context):
+    """Region data of all 3D views."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":

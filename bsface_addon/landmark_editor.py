@@ -175,12 +175,15 @@ def _camera(obj):
 def _view(context):
     render = context.scene.render
     active = context.view_layer.objects.active
+    # Where a view looks from is lost when it looks through a camera.
     views = [
-        space.region_3d.view_perspective
-        for window in context.window_manager.windows
-        for area in window.screen.areas
-        if area.type == "VIEW_3D"
-        for space in [area.spaces.active]
+        {
+            "view_perspective": view.view_perspective,
+            "view_location": list(view.view_location),
+            "view_rotation": list(view.view_rotation),
+            "view_distance": view.view_distance,
+        }
+        for view in cameras.views(context)
     ]
     return {
         "camera": context.scene.camera.name if context.scene.camera else "",
@@ -199,11 +202,6 @@ def _restore(context, before):
     context.view_layer.objects.active = active
     if active is not None:
         active.select_set(True)
-    spaces = [
-        area.spaces.active
-        for window in context.window_manager.windows
-        for area in window.screen.areas
-        if area.type == "VIEW_3D"
-    ]
-    for space, view in zip(spaces, before["views"], strict=False):
-        space.region_3d.view_perspective = view
+    for view, then in zip(cameras.views(context), before["views"], strict=False):
+        for name, value in then.items():
+            setattr(view, name, value)

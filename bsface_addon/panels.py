@@ -37,13 +37,24 @@ class BSFACE_PT_reconstruct(BSFacePanel, bpy.types.Panel):
             layout.label(text="Esc over the 3D view stops it")
             return
         face = scene.active_face(context)
+        photos = bool(context.scene.bsface.photos)
         column = layout.column()
-        column.scale_y = 1.0 if face else 2.0
+        # One button at a time is the big one: before this it is Add Photos.
+        column.scale_y = 2.0 if photos and not face else 1.0
+        column.enabled = photos
         column.operator(
             "bsface.reconstruct", text="Reconstruct Again" if face else "Reconstruct"
         )
-        if not context.scene.bsface.photos:
+        if not photos:
             layout.label(text=messages.NO_PHOTOS, icon="INFO")
+        around = scene.surrounding(context, face) if face else []
+        if around:
+            names = ", ".join(obj.name for obj in around)
+            box = layout.box()
+            text = messages.SURROUNDED.format(name=names)
+            paragraph(context, box, text, icon="INFO")
+            text = messages.HIDE.format(name=names)
+            box.operator("bsface.surroundings_hide", text=text, translate=False)
 
 
 class BSFACE_PT_settings(BSFacePanel, bpy.types.Panel):

@@ -26,7 +26,8 @@ class BSFACE_UL_photos(bpy.types.UIList):
         if item.expression:
             state.label(text=item.expression, translate=False)
         state.alert = item.use and sign == "ERROR"
-        state.label(text="" if word == "waiting" else word, icon=sign)
+        # The sidebar is narrow: what is fine needs no word.
+        state.label(text="" if item.status in photo_list.FINE else word, icon=sign)
 
 
 class BSFACE_MT_photos(bpy.types.Menu):

@@ -261,13 +261,41 @@ def select_only(context, face):
     context.view_layer.objects.active = face
 
 
+def surrounding(context, face):
+    """Visible objects that the face stands inside of, such as a new file's cube.
+
+    They hide the photos behind the cameras; only the user may take them away.
+    """
+    middle = _middle(face)
+    found = []
+    for obj in context.visible_objects:
+        if obj == face or obj.type not in ("MESH", "SURFACE", "CURVE", "META", "FONT"):
+            continue
+        corners = [obj.matrix_world @ Vector(corner) for corner in obj.bound_box]
+        if all(
+            min(c[axis] for c in corners) < middle[axis] < max(c[axis] for c in corners)
+            for axis in range(3)
+        ) and not is_face(obj):
+            found.append(obj)
+    return found
+
+
+def _middle(obj):
+    corners = [obj.matrix_world @ Vector(corner) for corner in obj.bound_box]
+    return sum(corners, Vector()) / len(corners)
+
+
 def show(context, face):
-    """Bring the face and its texture into sight in the 3D views of the window."""
+    """Bring a new face and its texture into sight in the window's 3D views."""
     for area in context.window.screen.areas:
         if area.type != "VIEW_3D":
             continue
         if area.spaces.active.shading.type == "SOLID":
             area.spaces.active.shading.color_type = "TEXTURE"
+        view = area.spaces.active.region_3d
+        view.view_rotation = face.matrix_world.to_quaternion()
+        if view.view_perspective == "CAMERA":
+            view.view_perspective = "PERSP"
         region = next(r for r in area.regions if r.type == "WINDOW")
         with context.temp_override(area=area, region=region):
             bpy.ops.view3d.view_selected()

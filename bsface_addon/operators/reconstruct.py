@@ -78,9 +78,10 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         state = context.scene.bsface
         separate = self.separate or state.separate
         face = None if separate else scene.active_face(context)
+        fresh = face is None
         face = pipeline.deliver(context, request, outcome, face=face, scale=state.size)
         state.face = face
-        if not bpy.app.background:
+        if fresh and not bpy.app.background:
             scene.show(context, face)
         if self.directory:
             photo_list.replace(state, request.photos)

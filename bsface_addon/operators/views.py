@@ -101,6 +101,19 @@ class BSFACE_OT_view_show(ViewOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class BSFACE_OT_surroundings_hide(FaceOperator, bpy.types.Operator):
+    """Hide the objects around the face; Alt H shows them again"""
+
+    bl_idname = "bsface.surroundings_hide"
+    bl_label = "Hide What Surrounds the Face"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        for obj in scene.surrounding(context, scene.active_face(context)):
+            obj.hide_set(True)
+        return {"FINISHED"}
+
+
 class BSFACE_OT_light_show(FaceOperator, bpy.types.Operator):
     """Switch on the sun that stands for a photo's light, and the others off"""
 
@@ -132,6 +145,7 @@ CLASSES = (
     BSFACE_OT_view_leave,
     BSFACE_OT_view_front,
     BSFACE_OT_view_show,
+    BSFACE_OT_surroundings_hide,
     BSFACE_OT_light_show,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

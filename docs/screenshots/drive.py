@@ -1,0 +1,390 @@
+"""Play the artist's work in a Blender window and say when to take each picture.
+
+    blender --factory-startup --window-geometry 0 0 1600 1000 --python drive.py
+
+Runs inside Blender with a window (a virtual screen will do).  Whenever the window
+shows what a picture of docs/artist_guide.md needs, it prints one line
+
+    SHOOT name left top width height
+
+and stands still for some seconds; whatever watches the output saves the screen as
+``name.png``, and `crop.py` cuts the rectangle (pixels of the screen, window at its
+corner) out of it.  The extension is taken from this checkout unless it is installed.
+OpenCV, SciPy and the face models must be there for Blender's Python.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+import addon_utils
+import bpy
+
+ROOT = Path(__file__).resolve().parents[2]
+EXTENSION = "bl_ext.user_default.bsface"
+# Every second example is enough for pictures of the user interface.
+EVERY = 2
+STILL_S = 3.5
+LIMIT_S = 900.0
+# Only these pictures (names separated by commas); all where it is empty.
+ONLY = set(filter(None, os.environ.get("BSFACE_PICTURES", "").split(",")))
+
+steps = []
+bpy.context.preferences.view.show_splash = False
+
+
+def step(wait=1.5):
+    """Queue a function; ``wait`` seconds for the redraw after it.
+
+    A function that returns a number is called again after so many seconds.
+    """
+
+    def keep(function):
+        steps.append((function, wait))
+        return function
+
+    return keep
+
+
+def picture(name, *, panels=None, what="area"):
+    """Queue a picture of the 3D view, or of these panels alone (``what="panels"``).
+
+    Parameters
+    ----------
+    panels : sequence of str, optional
+        Names of panel classes without their prefix, shown open; the others are
+        taken off for the picture. By default all, as the user finds them.
+    """
+    if ONLY and name not in ONLY:
+        return
+
+    @step(2.0)
+    def prepare():
+        show_panels(panels)
+
+    @step(STILL_S)
+    def shoot():
+        area, _ = view()
+        if what == "panels":
+            box = next(r for r in area.regions if r.type == "UI")
+        elif what == "window":
+            box = bpy.context.window_manager.windows[0]
+            print("SHOOT", name, 0, 0, box.width, box.height, flush=True)
+            return
+        else:
+            box = area
+        height = bpy.context.window_manager.windows[0].height
+        top = height - box.y - box.height
+        print("SHOOT", name, box.x, top, box.width, box.height, flush=True)
+
+    @step(0.5)
+    def restore():
+        if panels is not None:
+            show_panels(None)
+
+
+def view():
+    """The 3D view and what operators need to run in it."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
+    region = next(r for r in area.regions if r.type == "WINDOW")
+    return area, {"window": window, "area": area, "region": region}
+
+
+def call(name, how="EXEC_DEFAULT", **properties):
+    """Run an operator of the extension in the 3D view."""
+    with bpy.context.temp_override(**view()[1]):
+        answer = getattr(bpy.ops.bsface, name)(how, **properties)
+    print("CALL", name, *answer, flush=True)
+
+
+def module(name):
+    return sys.modules[f"{EXTENSION}.bsface_addon.{name}"]
+
+
+def show_panels(names):
+    """Register these panels only, open, or all as they are for the user."""
+    classes = (*module("photo_panels").CLASSES, *module("panels").CLASSES)
+    classes = [c for c in classes if issubclass(c, bpy.types.Panel)]
+    for cls in [*reversed(opened), *reversed(classes)]:
+        if cls.is_registered:
+            bpy.utils.unregister_class(cls)
+    opened.clear()
+    for cls in classes:
+        if names is None:
+            bpy.utils.register_class(cls)
+        elif cls.__name__.removeprefix("BSFACE_PT_") in names:
+            # Blender remembers by name which panels are closed.
+            own = {key: vars(cls)[key] for key in COPIED if key in vars(cls)}
+            if "bl_parent_id" in own:
+                own["bl_parent_id"] += "_open"
+            own["bl_options"] = set()
+            opened.append(type(f"{cls.__name__}_open", cls.__bases__, own))
+            bpy.utils.register_class(opened[-1])
+    view()[0].tag_redraw()
+
+
+COPIED = ("bl_label", "bl_parent_id", "poll", "draw", "draw_header_preset")
+opened = []
+
+
+def running():
+    return module("job").current() is not None
+
+
+def state():
+    return bpy.context.scene.bsface
+
+
+def make_photos():
+    """Every second example, and four photos that are of no use, in a new folder."""
+    import cv2
+    import numpy as np
+
+    folder = Path(tempfile.mkdtemp()) / "Portrait"
+    folder.mkdir()
+    photos = sorted((ROOT / "examples" / "photos").glob("*.jpg"))[::EVERY]
+    for path in photos:
+        shutil.copy(path, folder)
+    first = cv2.imread(str(photos[1]))
+    noise = np.random.default_rng(1).normal(128, 20, first.shape)
+    for name, pixels in (
+        ("dark.jpg", first // 60),
+        ("blurred.jpg", cv2.GaussianBlur(first, (0, 0), first.shape[0] / 40)),
+        ("landscape.jpg", cv2.GaussianBlur(noise, (0, 0), 9)),
+    ):
+        cv2.imwrite(str(folder / name), pixels)
+    shutil.copy(photos[0], folder / "copy of the first.jpg")
+    return folder
+
+
+@step(2.0)
+def enable():
+    if not addon_utils.check(EXTENSION)[1]:
+        home = Path(bpy.utils.user_resource("EXTENSIONS", path="user_default"))
+        home.mkdir(parents=True, exist_ok=True)
+        if not (home / "bsface").exists():
+            (home / "bsface").symlink_to(ROOT)
+        addon_utils.extensions_refresh(
+            ensure_wheels=False, addon_modules_pending=[EXTENSION]
+        )
+        addon_utils.enable(EXTENSION)
+    view()[0].spaces.active.show_region_ui = True
+
+
+@step(1.5)
+def tab():
+    side = next(r for r in view()[0].regions if r.type == "UI")
+    side.active_panel_category = "BSface"
+
+
+picture("artist_empty")
+
+
+@step()
+def add():
+    call("photos_add", directory=str(make_photos()))
+
+
+picture("artist_added")
+
+
+@step()
+def detect():
+    call("landmarks_detect", "INVOKE_DEFAULT")
+
+
+@step()
+def detected():
+    if running():
+        return 0.5
+    rows = [row.name for row in state().photos]
+    state().active_photo = rows.index("landscape.jpg")
+    return None
+
+
+picture("artist_photos", panels=("photos", "landmarks"), what="panels")
+
+
+@step(3.0)
+def edit():
+    state().active_photo = 1
+    call("landmarks_edit")
+
+
+picture("artist_landmarks")
+
+
+@step()
+def edited():
+    call("landmarks_done")
+
+
+@step(1.0)
+def start():
+    call("reconstruct", "INVOKE_DEFAULT")
+
+
+@step(0.5)
+def under_way():
+    job = module("job").current()
+    return None if job is None or job.fraction > 0.3 else 0.3
+
+
+picture("artist_running", what="window")
+
+
+@step(2.0)
+def finished():
+    return 1.0 if running() else None
+
+
+picture("artist_first")
+
+
+@step(3.0)
+def hide():
+    call("surroundings_hide")
+
+
+picture("artist_finished")
+
+
+@step(3.0)
+def net():
+    call("surface_net")
+
+
+picture("artist_net", panels=("surface",))
+
+
+@step(3.0)
+def net_done():
+    call("surface_net")
+
+
+for kind in ("PLAIN", "NORMALS", "RESIDUAL", "CONFIDENCE", "SKIN"):
+
+    @step(2.0)
+    def paint(kind=kind):
+        call("surface_map", kind=kind)
+
+    picture(f"artist_map_{kind.lower()}", panels=("texture",))
+
+
+@step(3.0)
+def look():
+    names = [row.name for row in state().photos if row.status == "used"]
+    call("view_photo", direction="NAMED", photo=names[len(names) // 3])
+
+
+picture("artist_camera", panels=("views",))
+
+
+@step(3.0)
+def before():
+    call("view_front", front=True)
+
+
+picture("artist_camera_front", panels=("views",))
+
+
+@step(2.0)
+def leave():
+    call("view_front", front=False)
+    call("view_leave")
+
+
+@step()
+def one_side():
+    for row in state().photos:
+        row.use = row.status == "used" and row.yaw < 10
+    call("landmarks_detect", "INVOKE_DEFAULT")
+
+
+@step(1.0)
+def one_side_found():
+    return 0.5 if running() else None
+
+
+picture("artist_hint", panels=("photos",), what="panels")
+
+
+@step()
+def all_sides():
+    for row in state().photos:
+        row.use = True
+        if row.status == "ignored":
+            row.status = "found"
+    state().hints = ""
+
+
+picture("artist_settings", panels=("reconstruct", "settings"), what="panels")
+picture("artist_export", panels=("export",), what="panels")
+
+
+@step()
+def words():
+    rows = [row for row in state().photos if row.status in ("used", "found")]
+    for row in rows[::3]:
+        row.expression = "Smile"
+    state().settings.method = "motion"
+    state().active_photo = list(state().photos).index(rows[0])
+
+
+@step()
+def key():
+    call("expression_key", "INVOKE_DEFAULT", expression="Smile")
+
+
+@step(1.0)
+def keyed():
+    return 0.5 if running() else None
+
+
+picture("artist_expressions", panels=("expressions",), what="panels")
+
+
+@step()
+def fail():
+    # A sentence as the core says it, made by a run on a photo without a face.
+    for row in state().photos:
+        row.use = row.name == "landscape.jpg"
+    call("reconstruct", "INVOKE_DEFAULT")
+
+
+@step(1.0)
+def failed():
+    return 0.5 if running() else None
+
+
+picture("artist_help", panels=("support",), what="panels")
+
+position = {"at": 0, "since": time.monotonic()}
+
+
+def play():
+    if position["at"] >= len(steps) or time.monotonic() - position["since"] > LIMIT_S:
+        bpy.ops.wm.quit_blender()
+        return None
+    function, wait = steps[position["at"]]
+    try:
+        again = function()
+    except Exception:
+        traceback.print_exc()
+        sys.stderr.flush()
+        bpy.ops.wm.quit_blender()
+        return None
+    if again:
+        return again
+    position["at"] += 1
+    return wait
+
+
+bpy.app.timers.register(play, first_interval=2.0, persistent=True)
