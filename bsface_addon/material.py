@@ -95,6 +95,11 @@ def shown(face):
     return "PLAIN"
 
 
+def is_lit(kind):
+    """Whether light falls on the map; measured values are shown as they are."""
+    return kind == "PLAIN" or MAPS[kind][1]
+
+
 def legend(face):
     """What the colours of the shown map mean; empty for skin and photos."""
     kind = shown(face)

@@ -29,12 +29,12 @@ PHOTO_STATUS = {
         "Save the photo with fewer pixels; 2000 across is plenty.",
     ),
     "no_face": (
-        "no face found",
+        "no face",
         "ERROR",
         "Turn the photo upright, or load landmarks from a .pts file.",
     ),
     "small_face": (
-        "face too small",
+        "too small",
         "ERROR",
         "Use a closer photo: the face should be at least 60 pixels wide.",
     ),
@@ -42,12 +42,12 @@ PHOTO_STATUS = {
     "dark": ("too dark", "ERROR", "Use a brighter photo."),
     "bright": ("too bright", "ERROR", "Use a photo that is not overexposed."),
     "implausible": (
-        "landmarks implausible",
+        "odd landmarks",
         "ERROR",
         "Drag the landmarks to their places, or choose another face.",
     ),
     "other_person": (
-        "another person",
+        "other person",
         "ERROR",
         "Choose the right face of this photo, or ignore the photo.",
     ),

@@ -22,6 +22,8 @@ SETTINGS = "bsface_settings"
 REPORT = "bsface_report"
 PHOTOS = "bsface_photos"
 WARNINGS = "bsface_warnings"
+# On the window manager: the light of the solid views before a map without light.
+LIGHT = "bsface_light"
 FRONT_VIEW = Quaternion((math.sqrt(0.5), math.sqrt(0.5), 0, 0))
 _KINDS = (
     "objects",
@@ -299,6 +301,26 @@ def show(context, face):
         region = next(r for r in area.regions if r.type == "WINDOW")
         with context.temp_override(area=area, region=region):
             bpy.ops.view3d.view_selected()
+
+
+def light_views(context, lit):
+    """Let the maps show in solid views: shaded, or their colours as they are.
+
+    The kind of light that a view had comes back with the next lit map.
+    """
+    manager = context.window_manager
+    for area in context.window.screen.areas if context.window else ():
+        if area.type != "VIEW_3D" or area.spaces.active.shading.type != "SOLID":
+            continue
+        shading = area.spaces.active.shading
+        shading.color_type = "TEXTURE"
+        if not lit and shading.light != "FLAT":
+            manager[LIGHT] = shading.light
+            shading.light = "FLAT"
+        elif lit and LIGHT in manager:
+            shading.light = manager[LIGHT]
+    if lit and LIGHT in manager:
+        del manager[LIGHT]
 
 
 def present(context, face):

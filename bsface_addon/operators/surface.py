@@ -222,6 +222,7 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
             label = material.MAPS[self.kind][0]
             self.report({"ERROR"}, messages.NO_MAP.format(name=face.name, map=label))
             return {"CANCELLED"}
+        scene.light_views(context, material.is_lit(self.kind))
         return {"FINISHED"}
 
 

@@ -16,8 +16,10 @@ import numpy as np
 from PIL import Image
 
 IMAGES = Path(__file__).resolve().parents[1] / "images"
-COLOURS = 192
-LARGEST = 1200
+COLOURS = 256
+LARGEST = 1000
+# Part of the 3D view that the face fills after the first run.
+FACE = (420, 65, 882, 835)
 
 
 def without_rest(picture):
@@ -28,9 +30,19 @@ def without_rest(picture):
     return picture.crop((0, 0, picture.width, end))
 
 
+def save(picture, name):
+    """Write a picture with few colours, so that it stays small."""
+    picture.thumbnail((LARGEST, LARGEST), Image.Resampling.LANCZOS)
+    path = IMAGES / f"{name}.png"
+    picture.quantize(COLOURS, kmeans=2).save(path, optimize=True)
+    kilobytes = path.stat().st_size / 1000
+    print(f"{path.name} {picture.width} x {picture.height}, {kilobytes:.0f} KB")
+
+
 def main():
     folder = Path(sys.argv[1])
     IMAGES.mkdir(exist_ok=True)
+    maps = []
     for line in (folder / "blender.log").read_text("utf-8").splitlines():
         if not line.startswith("SHOOT "):
             continue
@@ -40,14 +52,16 @@ def main():
         picture = picture.crop((left, top, left + width, top + height))
         if width < 500:
             picture = without_rest(picture)
-        picture.thumbnail((LARGEST, LARGEST), Image.Resampling.LANCZOS)
-        few = picture.quantize(COLOURS, dither=Image.Dither.NONE)
-        path = IMAGES / f"{name}.png"
-        few.save(path, optimize=True)
-        print(
-            f"{path.name} {picture.width} x {picture.height}, "
-            f"{path.stat().st_size / 1000:.0f} KB"
-        )
+        if name.startswith("map_"):
+            # The face alone; all maps stand side by side in one picture.
+            maps.append(picture.crop(FACE).resize((240, 400), Image.Resampling.LANCZOS))
+            continue
+        save(picture, name)
+    if maps:
+        strip = Image.new("RGB", (240 * len(maps), 400))
+        for number, picture in enumerate(maps):
+            strip.paste(picture, (240 * number, 0))
+        save(strip, "artist_maps")
 
 
 if __name__ == "__main__":

@@ -112,25 +112,23 @@ def show_panels(names):
     """Register these panels only, open, or all as they are for the user."""
     classes = (*module("photo_panels").CLASSES, *module("panels").CLASSES)
     classes = [c for c in classes if issubclass(c, bpy.types.Panel)]
-    for cls in [*reversed(opened), *reversed(classes)]:
+    for cls in [*opened, *reversed(classes)]:
         if cls.is_registered:
             bpy.utils.unregister_class(cls)
-    opened.clear()
     for cls in classes:
         if names is None:
             bpy.utils.register_class(cls)
         elif cls.__name__.removeprefix("BSFACE_PT_") in names:
             # Blender remembers by name which panels are closed.
-            own = {key: vars(cls)[key] for key in COPIED if key in vars(cls)}
-            if "bl_parent_id" in own:
-                own["bl_parent_id"] += "_open"
-            own["bl_options"] = set()
-            opened.append(type(f"{cls.__name__}_open", cls.__bases__, own))
+            own = {"bl_options": set()}
+            if hasattr(cls, "bl_parent_id"):
+                own["bl_parent_id"] = ""
+            opened.append(type(f"{cls.__name__}_open", (cls,), own))
             bpy.utils.register_class(opened[-1])
     view()[0].tag_redraw()
 
 
-COPIED = ("bl_label", "bl_parent_id", "poll", "draw", "draw_header_preset")
+# Kept to the end: the sidebar may still hold them.
 opened = []
 
 
@@ -269,13 +267,20 @@ def net_done():
     call("surface_net")
 
 
-for kind in ("PLAIN", "NORMALS", "RESIDUAL", "CONFIDENCE", "SKIN"):
+for kind in ("PLAIN", "SKIN", "PHOTO", "NORMALS", "RESIDUAL", "CONFIDENCE"):
 
     @step(2.0)
     def paint(kind=kind):
         call("surface_map", kind=kind)
 
-    picture(f"artist_map_{kind.lower()}", panels=("texture",))
+    picture(f"map_{kind.lower()}", panels=("texture",))
+
+picture("artist_texture", panels=("texture",), what="panels")
+
+
+@step(2.0)
+def skin():
+    call("surface_map", kind="SKIN")
 
 
 @step(3.0)
