@@ -41,7 +41,7 @@ logger = logging.getLogger(__name__)
 # Share of the whole time at which each stage ends, measured on 40 photos of 400 px.
 ENDS = {"photos": 0.05, "landmarks": 0.25, "motion": 0.3, "refine": 0.98, "output": 1.0}
 FEWEST_FOR_SHADING = 3
-# What the normal matrix cannot know: light, albedo and skin are not exactly as modelled.
+# What the normal matrix cannot know: light and skin are not quite as modelled.
 # Added in quadrature it makes the stated deviation true on the sets with ground truth
 # (reliability table of the accuracy page).
 MODEL_ERROR_MM = 0.75
