@@ -51,7 +51,7 @@ def test_maps_without_light_and_back(face):
         bpy.ops.bsface.surface_map(kind=kind)
         assert {s.light for s in views} == {"FLAT"}
         assert {s.color_type for s in views} == {"TEXTURE"}
-    bpy.ops.bsface.surface_map(kind="SKIN")
+    bpy.ops.bsface.surface_map(kind="PLAIN")
     assert {s.light for s in views} == {"MATCAP"}
 
 
