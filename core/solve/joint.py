@@ -16,15 +16,13 @@ system holds ``delta``, the identity modes, all cameras and all lights; the albe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.linalg import cho_factor, cho_solve
-from scipy.sparse.linalg import splu
 
 from ..evidence import harmonics
 from ..evidence.camera import PARAMETERS, Camera
@@ -46,6 +44,7 @@ from .joint_system import (
     contravariant,
     normal_equations,
     read_photos,
+    solve_bordered,
 )
 
 Array = NDArray[np.float64]
@@ -253,7 +252,9 @@ def refine(
                 options.landmark_mm, options.landmark_weight,
             )  # fmt: skip
             _add_photo_priors(blocks, x.cameras, options)
-            dd, da, step, deviation = _solve(blocks, prior, D, x, before)
+            dd, da, step, deviation = solve_bordered(
+                blocks, prior.smooth, D, x.d + before[0], x.a + before[1]
+            )
             size = float(np.abs(at.T[0] @ (dd + D @ da)).max())
             damp = min(1.0, options.max_step_mm / max(size, 1e-12))
             step = damp * step.reshape(n, -1)
@@ -351,40 +352,3 @@ def _add_photo_priors(blocks: Blocks, cameras: Sequence[Camera], options) -> Non
         if camera.kappa > 0:
             drift = np.log(camera.kappa * options.distance_mm)
             blocks.gh[i * m + 6] -= drift / options.distance_spread**2
-
-
-def _solve(blocks: Blocks, prior: ShapePrior, D: Array, x: _Unknowns, before):
-    """One bordered system: sparse for the displacement, dense for modes and photos.
-
-    Returns the steps of displacement, modes and photos, and a function that computes
-    the standard deviations of the displacement.
-    """
-    S = sum(blocks.S[1:], blocks.S[0])
-    k = D.shape[1]
-    SD = S @ D
-    border = np.concatenate([SD, blocks.B], 1)
-    corner = np.block(
-        [[D.T @ SD + np.eye(k), D.T @ blocks.B], [blocks.B.T @ D, blocks.H]]
-    )
-    right = np.concatenate([D.T @ blocks.gd - x.a - before[1], blocks.gh])
-    top = blocks.gd - prior.smooth @ (x.d + before[0])
-    solve = splu(
-        sparse.csc_array(S + prior.smooth), permc_spec="MMD_AT_PLUS_A"
-    ).solve
-    Z = solve(np.concatenate([border, top[:, None]], 1))
-    schur = cho_factor(corner - border.T @ Z[:, :-1])
-    step = cho_solve(schur, right - border.T @ Z[:, -1])
-    dd = Z[:, -1] - Z[:, :-1] @ step
-    return dd, step[:k], step[k:], lambda: _deviation(solve, Z[:, :-1], schur, D)
-
-
-def _deviation(solve: Callable[[Array], Array], Z: Array, schur, D: Array) -> Array:
-    """Standard deviation of the control points' displacement, mm, ``(M*N,)``.
-
-    The diagonal of ``[I D] H^-1 [I D]^T`` for the bordered normal matrix ``H``.
-    """
-    Z = Z.copy()
-    Z[:, : D.shape[1]] -= D
-    inner = solve(np.eye(len(D))).diagonal()
-    outer = (Z * cho_solve(schur, Z.T).T).sum(1)
-    return np.sqrt(np.maximum(inner + outer, 0.0))

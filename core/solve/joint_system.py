@@ -1,4 +1,4 @@
-"""Blocks of the joint system: derivative rows, albedo elimination, landmarks.
+"""The joint system: derivative rows, albedo elimination, landmarks, the step.
 
 All blocks have the form ``T_a^T diag(.) T_b`` with ``a, b`` in value, u-slope, v-slope;
 what belongs to one photo (camera, light) borders them.
@@ -6,12 +6,14 @@ what belongs to one photo (camera, light) borders them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse.linalg import splu
 
 from ..evidence.camera import PARAMETERS, Camera
 from ..evidence.sampling import IntensityField
@@ -190,3 +192,50 @@ def add_landmarks(
         B[:, k] += T.T @ (w[:, None] * np.einsum("lx,lxa->la", J, C))
         H[k, k] += np.einsum("lxa,l,lxb->ab", C, w, C)
         gh[k] += np.einsum("lxa,l,lx->a", C, w, r)
+
+def solve_bordered(
+    blocks: Blocks, smooth: sparse.csr_array, D: Array, d: Array, a: Array
+) -> tuple[Array, Array, Array, Callable[[], Array]]:
+    """One Gauss-Newton step: sparse for the displacement, dense for modes and photos.
+
+    Parameters
+    ----------
+    blocks : Blocks
+    smooth : (M*N, M*N) sparse array
+        Prior precision of the smooth displacement.
+    D : (M*N, k) array
+        Displacement by the modes.
+    d, a : (M*N,), (k,) arrays
+        Smooth displacement and modes so far, counted from the prior's mean.
+
+    Returns
+    -------
+    dd, da, step : (M*N,), (k,), (n m,) arrays
+        Steps of displacement, modes and photos.
+    deviation : callable
+        Gives the standard deviation of each control point's displacement, ``(M*N,)``.
+    """
+    S = sum(blocks.S[1:], blocks.S[0])
+    k = D.shape[1]
+    SD = S @ D
+    border = np.concatenate([SD, blocks.B], 1)
+    corner = np.block(
+        [[D.T @ SD + np.eye(k), D.T @ blocks.B], [blocks.B.T @ D, blocks.H]]
+    )
+    right = np.concatenate([D.T @ blocks.gd - a, blocks.gh])
+    top = blocks.gd - smooth @ d
+    solve = splu(sparse.csc_array(S + smooth), permc_spec="MMD_AT_PLUS_A").solve
+    Z = solve(np.concatenate([border, top[:, None]], 1))
+    schur = cho_factor(corner - border.T @ Z[:, :-1])
+    step = cho_solve(schur, right - border.T @ Z[:, -1])
+    dd = Z[:, -1] - Z[:, :-1] @ step
+    return dd, step[:k], step[k:], lambda: _deviation(solve, Z[:, :-1], schur, D)
+
+
+def _deviation(solve: Callable[[Array], Array], Z: Array, schur, D: Array) -> Array:
+    """The diagonal of ``[I D] H^-1 [I D]^T`` for the bordered matrix ``H``, rooted."""
+    Z = Z.copy()
+    Z[:, : D.shape[1]] -= D
+    inner = solve(np.eye(len(D))).diagonal()
+    outer = (Z * cho_solve(schur, Z.T).T).sum(1)
+    return np.sqrt(np.maximum(inner + outer, 0.0))
