@@ -3,8 +3,8 @@
 
     python docs/accuracy_tables.py
 
-Reads the CSV files that ``benchmarks/accuracy.py`` and ``benchmarks/real_photos.py``
-wrote into ``out/`` and rewrites what stands between ``<!-- table NAME -->`` and
+Reads the CSV files that ``accuracy.py``, ``error_budget.py`` and ``real_photos.py`` of
+``benchmarks`` wrote into ``out/`` and rewrites what is between ``<!-- table NAME -->`` and
 ``<!-- end -->`` in the page.  A table whose file is missing stays as it is.
 """
 
@@ -139,6 +139,34 @@ def ablation(rows: list[Row]) -> str:
     )
 
 
+def budget(rows: list[Row]) -> str:
+    """A row a replaced part: each set, and the mean with the change it makes."""
+    lines = []
+    sets = list(dict.fromkeys(r["set"] for r in rows))
+    base = [r for r in rows if r["row"] == "default"]
+    for name in dict.fromkeys(r["row"] for r in rows):
+        own = [r for r in rows if r["row"] == name]
+        line: dict[str, object] = {"row": name}
+        for r in own:
+            both = (number(r["mean"], ".2f"), number(r["normals"], ".1f"))
+            line[r["set"]] = " / ".join(both)
+        for key, change in (("mean", "change"), ("normals", "turn")):
+            line[key] = mean_of(own, key)
+            if "" not in (line[key], mean_of(base, key)):
+                line[change] = float(line[key]) - float(mean_of(base, key))  # type: ignore[arg-type]
+        lines.append(line)
+    return markdown(
+        lines,
+        [("row", "mean % / normals °"), *((s, s) for s in sets)],
+        (
+            ("mean", "mean %", ".2f"),
+            ("change", "against default", "+.2f"),
+            ("normals", "normals °", ".1f"),
+            ("turn", "against default", "+.1f"),
+        ),
+    )
+
+
 def reliability(rows: list[Row]) -> str:
     """Share of the area within intervals of given probability, a row a set."""
     levels = [key for key in rows[0] if key.startswith("within ")]
@@ -183,6 +211,7 @@ TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "sets": ("accuracy/accuracy.csv", by_set),
     "methods": ("accuracy/accuracy.csv", by_method),
     "ablation": ("accuracy/ablation.csv", ablation),
+    "error-budget": ("error_budget/error_budget.csv", budget),
     "reliability": ("accuracy/reliability.csv", reliability),
     "halves": ("real_photos/halves.csv", halves),
     "held-out": ("real_photos/held_out.csv", held_out),
