@@ -190,9 +190,6 @@ def add():
     call("photos_add", directory=str(make_photos()))
 
 
-picture("artist_added")
-
-
 @step()
 def detect():
     call("landmarks_detect", "INVOKE_DEFAULT")
@@ -241,9 +238,6 @@ picture("artist_running", what="window")
 @step(2.0)
 def finished():
     return 1.0 if running() else None
-
-
-picture("artist_first")
 
 
 @step(3.0)
