@@ -3,9 +3,9 @@
 
     python docs/accuracy_tables.py
 
-Reads the CSV files that ``accuracy.py``, ``error_budget.py`` and ``real_photos.py`` of
-``benchmarks`` wrote into ``out/`` and rewrites what is between ``<!-- table NAME -->`` and
-``<!-- end -->`` in the page.  A table whose file is missing stays as it is.
+Reads the CSV files that the scripts in ``benchmarks/`` wrote into ``out/`` and rewrites
+what stands between ``<!-- table NAME -->`` and ``<!-- end -->`` in the page.  A table
+whose file is missing stays as it is.
 """
 
 from __future__ import annotations
