@@ -85,9 +85,9 @@ def reconstruct(
     """
     settings = settings or Settings()
     clock = _Clock(progress)
-    model = _template(template, settings)
-    settings = replace(settings, control_points=model.surface.shape)
     with one_blas_thread():
+        model = _template(template, settings)
+        settings = replace(settings, control_points=model.surface.shape)
         gathered = gather(
             photos,
             settings,
