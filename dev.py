@@ -299,17 +299,18 @@ def bench(options: argparse.Namespace) -> int:
 
 
 def docs(options: argparse.Namespace) -> int:
-    return _scripts(ROOT / "docs", options)
+    return _scripts(ROOT / "docs", options, "docs")
 
 
-def _scripts(folder: Path, options: argparse.Namespace) -> int:
+def _scripts(folder: Path, options: argparse.Namespace, *groups: str) -> int:
     """Run the scripts of a folder: all of them, or `NAME [arguments]`."""
     scripts = {p.stem: p for p in sorted(folder.glob("*.py")) if p.stem[0] != "_"}
     if not scripts:
         raise Stop(f"there is no script in {folder.name}/.")
     if options.rest and options.rest[0] not in scripts:
         raise Stop(f"{folder.name}/ has no {options.rest[0]}: {', '.join(scripts)}.")
-    python = environment(options.blender or main_line(), "run", "test")
+    line = options.blender or main_line()
+    python = environment(line, "run", "test", "check", *groups)
     models(python)
     if options.rest:
         return call([python, str(scripts[options.rest[0]]), *options.rest[1:]])

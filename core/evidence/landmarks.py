@@ -29,6 +29,7 @@ import numpy as np
 SCHEME_SIZES = {"468": 468, "68": 68, "40": 40}
 LANDMARK_ENDINGS = (".pts", ".json")
 MAX_FILE_BYTES = 1_000_000
+MAX_WEIGHT = 100.0
 
 
 class LandmarkFileError(ValueError):
@@ -52,7 +53,8 @@ class Landmarks:
     points : (f, 2) array
         Pixels of the turned original, pixel centres at integers.
     weight : (f,) array
-        In [0, 1]; 1 = as good as a landmark gets, 0 = unknown.
+        0 = unknown, 1 = as good as the detector gets, up to `MAX_WEIGHT` for points
+        that were placed by hand.
     source : str
         ``"detected"``, ``"file"`` or ``"hand"``.
     score : float
@@ -244,8 +246,8 @@ def _parse_json(
         weight = _numbers(path, record["weights"], "weights")
         if weight.shape != (count,):
             raise _bad(path, f"must hold {count} weights or none")
-        if not np.isfinite(weight).all() or weight.min() < 0 or weight.max() > 1:
-            raise _bad(path, "holds weights outside [0, 1]")
+        if not np.isfinite(weight).all() or weight.min() < 0 or weight.max() > MAX_WEIGHT:
+            raise _bad(path, f"holds weights outside [0, {MAX_WEIGHT:g}]")
         if not weight.any():
             raise _bad(path, "gives every point the weight 0")
     made_for = record.get("image_size")
