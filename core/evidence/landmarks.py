@@ -246,7 +246,8 @@ def _parse_json(
         weight = _numbers(path, record["weights"], "weights")
         if weight.shape != (count,):
             raise _bad(path, f"must hold {count} weights or none")
-        if not np.isfinite(weight).all() or weight.min() < 0 or weight.max() > MAX_WEIGHT:
+        fits = np.isfinite(weight) & (weight >= 0) & (weight <= MAX_WEIGHT)
+        if not fits.all():
             raise _bad(path, f"holds weights outside [0, {MAX_WEIGHT:g}]")
         if not weight.any():
             raise _bad(path, "gives every point the weight 0")
