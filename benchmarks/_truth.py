@@ -1,7 +1,7 @@
 """The truth of a rendered set in the program's own terms: surface, cameras, landmarks.
 
-All of it is brought into the template's frame by the similarity that aligns the
-landmarks, so that it can stand in for what the program estimates.
+All of it is brought into the template's frame by the similarity that aligns the two
+surfaces, so that it can stand in for what the program estimates.
 """
 
 from __future__ import annotations
@@ -64,15 +64,33 @@ def fit_truth(
     another family of heads do not mean the same points of the skin.
     """
     points = np.asarray(of.truth["vertices"], float)
-    mesh = measure.Surface(points, of.truth["triangles"])
-    uv_marks = template.landmark_uv[template.schemes["68"][17:]]
+    uv = template.landmark_uv[template.schemes["68"][17:]]
     marks = points[np.asarray(of.truth["landmark_indices"], int)][17:]
-    first = template.surface
-    scale, R, t = measure.similarity(first.evaluate(*uv_marks.T), marks)
-    marks = (marks - t) @ R / scale
+    mesh = measure.Surface(points, of.truth["triangles"])
+    move = measure.similarity(template.surface.evaluate(*uv.T), marks)
+    found = _fit(mesh, marks, template, prior, move)
+    # A prior of displacements charges for shift, turn and size as for shape: where the
+    # cameras are held nothing else can take them up, so the whole face decides.
+    uv = _skin(template)
+    scale, R, t = move
+    true = scale * found.surface.evaluate(*uv.T) @ R.T + t
+    move = measure.similarity(template.surface.evaluate(*uv.T), true)
+    return _fit(mesh, marks, template, prior, move)
+
+
+def _skin(template: Template) -> Array:
     x = (np.arange(SAMPLES) + 0.5) / SAMPLES
     uv = np.stack(np.meshgrid(x, x, indexing="ij"), -1).reshape(-1, 2)
-    uv = uv[template.is_skin(uv)]
+    return uv[template.is_skin(uv)]
+
+
+def _fit(mesh, marks: Array, template: Template, prior: ShapePrior, move) -> Truth:
+    """The fit in a given frame."""
+    scale, R, t = move
+    first = template.surface
+    uv_marks = template.landmark_uv[template.schemes["68"][17:]]
+    marks = (marks - t) @ R / scale
+    uv = _skin(template)
     on_skin = sparse.kron(basis_matrix(first.shape, *uv.T), sparse.eye(3)).tocsr()
     on_marks = sparse.kron(basis_matrix(first.shape, *uv_marks.T), sparse.eye(3))
     smooth = sparse.kron(prior.smooth, sparse.eye(3))
