@@ -2,7 +2,8 @@
 """Builds ``core/data/template.npz``: the template face and how faces vary about it.
 
     python tools/build_template.py --source ../shared/template --output core/data
-    python tools/build_template.py --mesh HEAD.obj --landmarks HEAD.json -o MY.npz
+
+A template from a mesh of one's own: ``tools/fit_template.py``.
 
 What goes in (all CC0): the average MakeHuman head with its parametrisation and the
 landmark positions as the detector sees them (``--source``), and MakeHuman's morph
