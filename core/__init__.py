@@ -18,6 +18,7 @@ from .result import PhotoReport, Reconstruction
 from .settings import Settings
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
+from .track import TrackedPhoto, Tracking, track
 
 __version__ = "0.1.0"
 
@@ -32,6 +33,9 @@ __all__ = [
     "Settings",
     "Step",
     "Template",
+    "TrackedPhoto",
+    "Tracking",
     "load_template",
     "reconstruct",
+    "track",
 ]

@@ -14,7 +14,16 @@ ADDON = ROOT / "bsface_addon"
 # A module may import from its own floor and from those below. The ground under
 # the floors holds what everybody speaks: errors, settings, progress.
 GROUND = {"errors", "settings", "progress", "threads"}
-FLOORS = ["surface", "evidence", "solve", "result", "output", "reconstruct", "cli"]
+FLOORS = [
+    "surface",
+    "evidence",
+    "solve",
+    "result",
+    "output",
+    "reconstruct",
+    "track",
+    "cli",
+]
 # May import everything: the doors by which a user comes in.
 FRONT_DOORS = {"__init__", "__main__", "output.batch"}
 
