@@ -253,7 +253,7 @@ def refine(
             )  # fmt: skip
             _add_photo_priors(blocks, x.cameras, options)
             dd, da, step, deviation = solve_bordered(
-                blocks, prior.smooth, D, x.d + before[0], x.a + before[1]
+                blocks, prior.smooth, shape, D, x.d + before[0], x.a + before[1]
             )
             size = float(np.abs(at.T[0] @ (dd + D @ da)).max())
             damp = min(1.0, options.max_step_mm / max(size, 1e-12))

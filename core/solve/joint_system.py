@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
-from scipy.sparse.linalg import splu
 
 from ..evidence.camera import PARAMETERS, Camera
 from ..evidence.sampling import IntensityField
 from ..surface.bspline import BSplineSurface
+from .block_banded import BlockCholesky, block_cholesky
 from .bundle import Observations
 
 Array = NDArray[np.float64]
@@ -123,9 +123,8 @@ def normal_equations(
     r = r - s * ((Ws * r).sum(0) / den)
     Wc = W[..., None] * c
     cs = np.einsum("ip,ipa->pa", Ws, c)
-    A = np.einsum("ipa,ipb->pab", Wc, c) - cs[:, :, None] * cs[:, None, :] / den[
-        :, None, None
-    ]
+    share = cs / den[:, None]
+    A = np.einsum("ipa,ipb->pab", Wc, c) - cs[:, :, None] * share[:, None, :]
     S = [
         T[a].T @ sparse.diags_array(A[:, a, b]) @ T[b]
         for a in range(3)
@@ -133,18 +132,27 @@ def normal_equations(
     ]
     right = -np.einsum("ipa,ip->pa", Wc, r)
     gd = np.sum([T[a].T @ right[:, a] for a in range(3)], axis=0)
-    Wsh = Ws[..., None] * h
-    B = np.zeros((T[0].shape[1], n * m))
-    for a in range(3):
-        M = Wc[..., a, None] * h - (cs[:, a] / den)[None, :, None] * Wsh
-        B += T[a].T @ M.transpose(1, 0, 2).reshape(p, n * m)
-    G = (Wsh / np.sqrt(den)[None, :, None]).transpose(1, 0, 2).reshape(p, n * m)
-    H = -(G.T @ G)
-    Wh = W[..., None] * h
-    own = np.matmul(Wh.transpose(0, 2, 1), h)
+    # photo by photo: what one photo needs stays in the processor's cache
+    upright = [sparse.csr_array(t.T) for t in T]
+    B = np.empty((T[0].shape[1], n * m))
+    G = np.empty((p, n * m))
+    own = np.empty((n, m, m))
+    gh = np.empty(n * m)
+    root = np.sqrt(den)
     for i in range(n):
-        H[i * m : (i + 1) * m, i * m : (i + 1) * m] += own[i]
-    gh = -np.einsum("ipm,ip->im", Wh, r).ravel()
+        k = slice(i * m, (i + 1) * m)
+        G[:, k] = (Ws[i] / root)[:, None] * h[i]
+        B[:, k] = sum(
+            t @ ((Wc[i, :, a] - share[:, a] * Ws[i])[:, None] * h[i])
+            for a, t in enumerate(upright)
+        )
+        Wh = W[i][:, None] * h[i]
+        own[i] = Wh.T @ h[i]
+        gh[k] = -(Wh.T @ r[i])
+    H = -(G.T @ G)
+    for i in range(n):
+        k = slice(i * m, (i + 1) * m)
+        H[k, k] += own[i]
     return Blocks(S, gd, B, H, gh)
 
 
@@ -179,6 +187,8 @@ def add_landmarks(
     X, normal = surface.evaluate(*uv.T), surface.normals(*uv.T)
     along = T @ directions
     m = H.shape[1] // len(cameras)
+    total = np.zeros(len(uv))
+    upright = sparse.csr_array(T.T)
     for i, camera in enumerate(cameras):
         p, J, C = camera.jacobians(X + offset[i])
         r = (seen.pixels[i] - p) / camera.s
@@ -187,14 +197,21 @@ def add_landmarks(
         w = weight * seen.weight[i] * facing / sigma**2
         w = w / (1 + (r**2).sum(1) / (3 * sigma) ** 2)
         k = slice(i * m, i * m + PARAMETERS)
-        S.append(T.T @ sparse.diags_array(w * (J**2).sum(1)) @ T)
-        gd += T.T @ (w * (J * r).sum(1))
-        B[:, k] += T.T @ (w[:, None] * np.einsum("lx,lxa->la", J, C))
+        total += w * (J**2).sum(1)
+        gd += upright @ (w * (J * r).sum(1))
+        B[:, k] += upright @ (w[:, None] * np.einsum("lx,lxa->la", J, C))
         H[k, k] += np.einsum("lxa,l,lxb->ab", C, w, C)
         gh[k] += np.einsum("lxa,l,lx->a", C, w, r)
+    S.append(upright @ sparse.diags_array(total) @ T)
+
 
 def solve_bordered(
-    blocks: Blocks, smooth: sparse.csr_array, D: Array, d: Array, a: Array
+    blocks: Blocks,
+    smooth: sparse.csr_array,
+    shape: tuple[int, int],
+    D: Array,
+    d: Array,
+    a: Array,
 ) -> tuple[Array, Array, Array, Callable[[], Array]]:
     """One Gauss-Newton step: sparse for the displacement, dense for modes and photos.
 
@@ -203,6 +220,8 @@ def solve_bordered(
     blocks : Blocks
     smooth : (M*N, M*N) sparse array
         Prior precision of the smooth displacement.
+    shape : (M, N)
+        Of the net.
     D : (M*N, k) array
         Displacement by the modes.
     d, a : (M*N,), (k,) arrays
@@ -219,23 +238,24 @@ def solve_bordered(
     k = D.shape[1]
     SD = S @ D
     border = np.concatenate([SD, blocks.B], 1)
-    corner = np.block(
-        [[D.T @ SD + np.eye(k), D.T @ blocks.B], [blocks.B.T @ D, blocks.H]]
-    )
+    DB = D.T @ blocks.B
+    corner = np.block([[D.T @ SD + np.eye(k), DB], [DB.T, blocks.H]])
     right = np.concatenate([D.T @ blocks.gd - a, blocks.gh])
     top = blocks.gd - smooth @ d
-    solve = splu(sparse.csc_array(S + smooth), permc_spec="MMD_AT_PLUS_A").solve
-    Z = solve(np.concatenate([border, top[:, None]], 1))
-    schur = cho_factor(corner - border.T @ Z[:, :-1])
-    step = cho_solve(schur, right - border.T @ Z[:, -1])
-    dd = Z[:, -1] - Z[:, :-1] @ step
-    return dd, step[:k], step[k:], lambda: _deviation(solve, Z[:, :-1], schur, D)
+    factor = block_cholesky(sparse.csr_array(S + smooth), shape)
+    # border^T (S + smooth)^-1 border is the square of half a solution
+    Y = factor.half(np.concatenate([border, top[:, None]], 1))
+    y, Y = Y[:, -1], Y[:, :-1]
+    schur = cho_factor(corner - Y.T @ Y)
+    step = cho_solve(schur, right - Y.T @ y)
+    dd = factor.other_half((y - Y @ step)[:, None])[:, 0]
+    return dd, step[:k], step[k:], lambda: _deviation(factor, Y, schur, D)
 
 
-def _deviation(solve: Callable[[Array], Array], Z: Array, schur, D: Array) -> Array:
+def _deviation(factor: BlockCholesky, Y: Array, schur, D: Array) -> Array:
     """The diagonal of ``[I D] H^-1 [I D]^T`` for the bordered matrix ``H``, rooted."""
-    Z = Z.copy()
+    Z = factor.other_half(Y)
     Z[:, : D.shape[1]] -= D
-    inner = solve(np.eye(len(D))).diagonal()
+    inner = factor.inverse_diagonal()
     outer = (Z * cho_solve(schur, Z.T).T).sum(1)
     return np.sqrt(np.maximum(inner + outer, 0.0))
