@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import solve_triangular
 
+from .gram import product
+
 Array = NDArray[np.float64]
 
 OVERLAP = 3  # of cubic basis functions, in control points
@@ -47,7 +49,7 @@ class BlockCholesky:
             part = right[rows]
             if g:
                 before = slice(self.edges[g - 1], self.edges[g])
-                part = part - self.below[g - 1] @ y[before]
+                part = part - product(self.below[g - 1], y[before])
             y[rows] = solve_triangular(L, part, lower=True, check_finite=False)
         return y
 
@@ -59,7 +61,7 @@ class BlockCholesky:
             part = right[rows]
             if g + 1 < len(self.diagonal):
                 after = slice(self.edges[g + 1], self.edges[g + 2])
-                part = part - self.below[g].T @ x[after]
+                part = part - product(self.below[g].T, x[after])
             x[rows] = solve_triangular(
                 self.diagonal[g], part, lower=True, trans="T", check_finite=False
             )

@@ -19,6 +19,7 @@ from ..evidence.sampling import IntensityField
 from ..surface.bspline import BSplineSurface
 from .block_banded import BlockCholesky, block_cholesky
 from .bundle import Observations
+from .gram import gram
 
 Array = NDArray[np.float64]
 
@@ -149,7 +150,7 @@ def normal_equations(
         Wh = W[i][:, None] * h[i]
         own[i] = Wh.T @ h[i]
         gh[k] = -(Wh.T @ r[i])
-    H = -(G.T @ G)
+    H = -gram(G)
     for i in range(n):
         k = slice(i * m, (i + 1) * m)
         H[k, k] += own[i]
@@ -246,7 +247,7 @@ def solve_bordered(
     # border^T (S + smooth)^-1 border is the square of half a solution
     Y = factor.half(np.concatenate([border, top[:, None]], 1))
     y, Y = Y[:, -1], Y[:, :-1]
-    schur = cho_factor(corner - Y.T @ Y)
+    schur = cho_factor(corner - gram(Y))
     step = cho_solve(schur, right - Y.T @ y)
     dd = factor.other_half((y - Y @ step)[:, None])[:, 0]
     return dd, step[:k], step[k:], lambda: _deviation(factor, Y, schur, D)

@@ -1,0 +1,28 @@
+"""``A^T A`` by SciPy's BLAS.
+
+NumPy and SciPy bring an OpenBLAS each.  That of NumPy 1.26, which Blender 4.5 has, is
+older and does not know recent processors: it then takes its kernels for the Pentium 4,
+which are several times slower.  The products that the joint step spends its time on
+therefore go to SciPy's, and only one triangle of them is computed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.blas import dgemm, dsyrk
+
+Array = NDArray[np.float64]
+
+
+def gram(A: Array) -> Array:
+    """``A^T A`` for ``A`` (p, q) in C order, ``(q, q)``; exactly symmetric."""
+    upper = np.asarray(dsyrk(1.0, A.T))
+    # BLAS counts columns first, so its upper triangle is our lower one transposed
+    return np.where(np.tri(len(upper), dtype=bool), upper.T, upper)
+
+
+def product(A: Array, B: Array) -> Array:
+    """``A B`` for arrays in C order, ``(p, r)`` in C order."""
+    # a C array is the transpose of a Fortran one: B^T A^T without a copy
+    return np.asarray(dgemm(1.0, B.T, A.T)).T
