@@ -268,7 +268,9 @@ def test(options: argparse.Namespace) -> int:
     stage("ruff", [python, "-m", "ruff", "check", "."])
     stage("pyright", [python, "-m", "pyright", "--pythonpath", python])
     # A file that cannot be read does not keep the others from being tested.
-    pytest = ["-m", "pytest", "--continue-on-collection-errors", "--durations=10"]
+    # The Blender tests run on the zip as it is installed.
+    pytest = ["-m", "pytest", "--from-zip"]
+    pytest += ["--continue-on-collection-errors", "--durations=10"]
     stage(f"tests, Blender {line}", [python, *pytest])
     for other, version in LINES.items():
         if other == line:

@@ -25,6 +25,15 @@ _resources = tempfile.mkdtemp(prefix="bsface-test-resources-")
 os.environ["BLENDER_USER_RESOURCES"] = _resources
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--from-zip",
+        action="store_true",
+        help="tests/blender: build the extension's zip, install it and test that, "
+        "instead of the checkout",
+    )
+
+
 def pytest_report_header() -> str:
     if HAS_BPY:
         return "bpy: installed"

@@ -4,7 +4,13 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="needs Blender's module bpy")
 
+from blender import checkout  # noqa: E402
 from blender.checkout import load  # noqa: E402
+
+
+def pytest_configure(config):
+    if config.getoption("--from-zip"):
+        checkout.use_zip()
 
 
 @pytest.fixture
@@ -18,6 +24,9 @@ def empty_scene():
 def registered():
     """The add-on's classes, registered as Blender would."""
     addon = load("bsface_addon")
+    if checkout.is_installed():
+        yield addon  # Blender did
+        return
     addon.register()
     yield addon
     addon.unregister()

@@ -17,7 +17,7 @@ arguments = load("bsface_addon.arguments")
 scene = load("bsface_addon.scene")
 surface_object = load("bsface_addon.surface_object")
 read_npz = load("core.output.formats.npz").read_npz
-SCRIPT = ROOT / "bsface_addon" / "headless.py"
+SCRIPT = Path(headless.__file__)
 
 
 def test_photos_in_blend_and_npz_out(addon, solved, tmp_path, capfd):

@@ -1,7 +1,8 @@
 """The zip as a user gets it: built, validated, installed and run from the zip.
 
 Only the zip for the running platform and Python; its wheels are downloaded once
-into the user's cache. The environment that runs the tests holds SciPy and OpenCV
+into the user's cache. All operators are tested from it by `tests/blender` with
+`--from-zip`. The environment that runs the tests holds SciPy and OpenCV
 itself, and its copies would win over those in the zip. So Blender is started with
 all of its packages but these, as an application would be: what runs is the zip.
 """
@@ -16,25 +17,16 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import zip_file
 
 ROOT = Path(__file__).resolve().parents[2]
 PHOTOS = ROOT / "examples" / "photos"
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory) -> Path:
-    """The zip, made by the script that a developer runs; it validates it too."""
-    output = tmp_path_factory.mktemp("dist")
-    script = ROOT / "tools" / "build_extension.py"
-    run = subprocess.run(
-        [sys.executable, str(script), "--here", "--output", str(output)],
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    assert run.returncode == 0, run.stdout + run.stderr
-    (path,) = output.glob("*.zip")
-    return path
+def built() -> Path:
+    """The zip for the running platform and Python."""
+    return zip_file.built()
 
 
 def test_zip_holds_what_runs_and_nothing_else(built):
