@@ -57,8 +57,13 @@ class Camera:
     def project(self, Q: ArrayLike) -> Array:
         """Pixels ``(..., 2)`` of head points ``Q`` ``(..., 3)`` in mm."""
         X = np.asarray(Q, float) @ self.R.T
-        flat = self.t + self.s * X[..., :2] * (1, -1)
-        return self.principal + flat / (1 - self.kappa * X[..., 2:])
+        depth = 1 - self.kappa * X[..., 2]
+        pixels = np.empty((*X.shape[:-1], 2))
+        # column by column: loops over an axis of two are slow
+        for k, sign in enumerate((1, -1)):
+            flat = self.t[k] + sign * self.s * X[..., k]
+            pixels[..., k] = self.principal[k] + flat / depth
+        return pixels
 
     def jacobians(self, Q: ArrayLike) -> tuple[Array, Array, Array]:
         """Projection and its derivatives.
@@ -76,22 +81,28 @@ class Camera:
             Derivative by the parameters of `moved`.
         """
         X = np.asarray(Q, float) @ self.R.T
-        depth = 1 - self.kappa * X[:, 2]
-        flat = self.t + self.s * X[:, :2] * (1, -1)
+        x, y, z = X.T
+        depth = 1 - self.kappa * z
+        pixels = np.empty((len(X), 2))
         J = np.zeros((len(X), 2, 3))
-        J[:, 0, 0] = self.s / depth
-        J[:, 1, 1] = -self.s / depth
-        J[:, :, 2] = self.kappa * flat / depth[:, None] ** 2
         C = np.zeros((len(X), 2, PARAMETERS))
-        # X moves by omega x X
-        C[:, :, 0] = J[:, :, 2] * X[:, 1, None] - J[:, :, 1] * X[:, 2, None]
-        C[:, :, 1] = J[:, :, 0] * X[:, 2, None] - J[:, :, 2] * X[:, 0, None]
-        C[:, :, 2] = J[:, :, 1] * X[:, 0, None] - J[:, :, 0] * X[:, 1, None]
-        C[:, :, 3] = self.s * X[:, :2] * (1, -1) / depth[:, None]
-        C[:, 0, 4] = self.s / depth
-        C[:, 1, 5] = -self.s / depth
-        C[:, :, 6] = self.kappa * flat * (X[:, 2] / depth**2)[:, None]
-        return self.principal + flat / depth[:, None], J @ self.R, C
+        for k, sign in enumerate((1, -1)):
+            scaled = sign * self.s * X[:, k]
+            flat = self.t[k] + scaled
+            pixels[:, k] = self.principal[k] + flat / depth
+            across = sign * self.s / depth
+            inward = self.kappa * flat / depth**2
+            J[:, k, k] = across
+            J[:, k, 2] = inward
+            # X moves by omega x X
+            by_x, by_y = (across, 0.0) if k == 0 else (0.0, across)
+            C[:, k, 0] = inward * y - by_y * z
+            C[:, k, 1] = by_x * z - inward * x
+            C[:, k, 2] = by_y * x - by_x * y
+            C[:, k, 3] = scaled / depth
+            C[:, k, 4 + k] = across
+            C[:, k, 6] = flat * self.kappa * z / depth**2
+        return pixels, J @ self.R, C
 
     def moved(self, step: ArrayLike) -> Camera:
         """The camera after a step of its 7 parameters (see `PARAMETERS`)."""

@@ -145,9 +145,10 @@ def hidden_in(
     cell = cell_mm * camera.s
     both = np.concatenate([cover, points])
     depth = both @ camera.R[2]
-    at = np.floor(camera.project(both) / cell).astype(np.int64)
-    at -= at.min(0)
-    key = at[:, 1] * (at[:, 0].max() + 1) + at[:, 0]
+    at = np.ascontiguousarray(camera.project(both).T)
+    column, row = np.floor(at / cell).astype(np.int64)
+    column -= column.min()
+    key = (row - row.min()) * (column.max() + 1) + column
     nearest = np.full(key.max() + 1, -np.inf)
     np.maximum.at(nearest, key[: len(cover)], depth[: len(cover)])
     return nearest[key[len(cover) :]] > depth[len(cover) :] + DEPTH_MARGIN

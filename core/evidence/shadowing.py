@@ -55,9 +55,9 @@ class Sky:
     def slopes(self, normals: Array, lights: Array) -> Array:
         """Derivative of the shading by the normal, ``(n, p, 3)``, for lights (n, k)."""
         lit = self.open * (normals @ self.directions.T > 0)
-        return np.stack(
-            [lit @ ((self.light @ x)[:, None] * self.directions) for x in lights]
-        )
+        glow = (self.light @ lights.T)[:, :, None] * self.directions[:, None]
+        turned = lit @ glow.reshape(len(glow), -1)
+        return turned.reshape(len(normals), -1, 3).transpose(1, 0, 2)
 
 
 def sky(surface: BSplineSurface, uv: Array, degree: int, shadows: bool = True) -> Sky:

@@ -22,9 +22,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy  # its interpolate loads when it is used, in a tenth of a second
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
-from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
@@ -222,7 +222,9 @@ class BSplineSurface:
         knots = []
         for axis in (0, 1):
             count = b.shape[axis]
-            spline = BSpline(np.arange(count + 4.0), np.moveaxis(b, axis, 0), 3)
+            spline = scipy.interpolate.BSpline(
+                np.arange(count + 4.0), np.moveaxis(b, axis, 0), 3
+            )
             for end in (3.0, float(count)):
                 spline = spline.insert_knot(end, 3)
             keep = slice(3, 3 + count + 4)

@@ -53,7 +53,7 @@ def test_basis_is_that_of_cox_and_de_boor(rng, count, order):
 @given(count=st.integers(4, 60), x=unit)
 def test_partition_of_unity(count, x):
     value = dense(count, [x], 0)
-    assert value.min() >= 0
+    assert value.min() >= -1e-15  # rounding of the local polynomials
     np.testing.assert_allclose(value.sum(), 1, rtol=1e-13)
     for order in (1, 2, 3):
         scale = float(count - 3) ** order

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BSpline, make_interp_spline
+import scipy  # its interpolate loads when it is used, in a tenth of a second
 
 from ...surface.bspline import BSplineSurface
 
@@ -45,7 +45,8 @@ class ExchangeCurve:
 
     def __call__(self, t: npt.ArrayLike) -> Array:
         """Points at parameters ``t``."""
-        return BSpline(self.knots, self.control_points, 3)(np.asarray(t, float))
+        spline = scipy.interpolate.BSpline(self.knots, self.control_points, 3)
+        return spline(np.asarray(t, float))
 
 
 @dataclass(frozen=True)
@@ -202,7 +203,7 @@ def _on_surface(surface: BSplineSurface, uv: Array) -> Array:
 
 def _open_curve(t: Array, points: Array) -> ExchangeCurve:
     """Cubic B-spline through points at parameters ``t`` from 0 to 1."""
-    spline = make_interp_spline(t, points, k=3)
+    spline = scipy.interpolate.make_interp_spline(t, points, k=3)
     control = np.asarray(spline.c).copy()
     control[0], control[-1] = points[0], points[-1]
     return ExchangeCurve(control, np.asarray(spline.t))
@@ -215,10 +216,11 @@ def _closed_curve(t: Array, points: Array) -> ExchangeCurve:
     interpolation at the averaged knots recovers the curve.
     """
     points = np.vstack([points[:-1], points[:1]])
-    spline = make_interp_spline(t, points, k=3, bc_type="periodic")
+    spline = scipy.interpolate.make_interp_spline(t, points, k=3, bc_type="periodic")
     inner = spline.t[(spline.t > 0) & (spline.t < 1)]
     knots = np.r_[np.zeros(4), inner, np.ones(4)]
     at = np.array([knots[i + 1 : i + 4].mean() for i in range(len(knots) - 4)])
-    control = np.asarray(make_interp_spline(at, spline(at), k=3, t=knots).c).copy()
+    clamped = scipy.interpolate.make_interp_spline(at, spline(at), k=3, t=knots)
+    control = np.asarray(clamped.c).copy()
     control[0] = control[-1] = points[0]
     return ExchangeCurve(control, knots)
