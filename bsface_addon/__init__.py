@@ -7,7 +7,6 @@ from bpy.app.handlers import persistent
 
 from . import (
     headless,
-    job,
     panels,
     photo_panels,
     preferences,
@@ -20,6 +19,7 @@ from .operators import (
     landmarks,
     photos,
     reconstruct,
+    running,
     support,
     surface,
     views,
@@ -47,7 +47,7 @@ MODULES = (
 @persistent
 def stop_job(*_):
     """A job belongs to the file it was started in."""
-    job.end()
+    running.end(bpy.context)
 
 
 def register():
@@ -57,7 +57,7 @@ def register():
 
 
 def unregister():
-    job.end()
+    running.end(bpy.context)
     bpy.app.handlers.load_pre.remove(stop_job)
     for module in reversed(MODULES):
         module.unregister()

@@ -9,6 +9,7 @@ axes (x right, y up, looking along -z) are the core's.
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
@@ -22,6 +23,10 @@ from .rig import PHOTO_KEY
 ORTHOGRAPHIC_DISTANCE_MM = 1000.0
 SENSOR_MM = 36.0
 SIZE_KEY = "bsface_photo_size"
+# What comes back when one leaves the cameras: on the scene its own camera and frame, on
+# the window manager how the views looked.  JSON texts.
+FRAME_BEFORE = "bsface_frame_before"
+VIEWS_BEFORE = "bsface_views_before"
 
 
 def camera_to_head(camera, size):
@@ -130,7 +135,13 @@ def photo_image(photo):
     """The photo's image block: its file, linked once, or None."""
     if photo.path is None or not Path(photo.path).is_file():
         return None
-    image = bpy.data.images.load(str(Path(photo.path).resolve()), check_existing=True)
+    path = str(Path(photo.path).resolve())
+    try:
+        image = bpy.data.images.load(path, check_existing=True)
+    except (RuntimeError, ValueError):
+        # Blender cannot open paths of more than 1023 bytes or that are no text; the
+        # core can, and the camera is right without the picture.
+        return None
     image.name = photo.name
     return image
 
@@ -168,20 +179,92 @@ def of_face(face):
 
 def look_through(context, camera, switch_views=True):
     """Make it the scene's camera; the frame gets the photo's proportions."""
-    render = context.scene.render
+    scene, render = context.scene, context.scene.render
+    first = scene.camera is None or PHOTO_KEY not in scene.camera
+    if first:
+        scene[FRAME_BEFORE] = json.dumps(frame(context))
     render.resolution_x, render.resolution_y = camera[SIZE_KEY]
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
-    context.scene.camera = camera
+    scene.camera = camera
     if switch_views:
+        _remember_views(context, first)
         for region in views(context):
             region.view_perspective = "CAMERA"
 
 
 def leave_views(context):
-    """Views that look through a camera look freely again."""
-    for region in views(context):
+    """Views, camera and frame as they were before `look_through`."""
+    before = _views_before(context)
+    for region, then in zip(views(context), before, strict=True):
         if region.view_perspective == "CAMERA":
-            region.view_perspective = "PERSP"
+            set_view(region, then)
+    context.window_manager.pop(VIEWS_BEFORE, None)
+    scene = context.scene
+    if scene.camera is not None and PHOTO_KEY in scene.camera:
+        set_frame(context, json.loads(scene.get(FRAME_BEFORE, "{}")))
+    scene.pop(FRAME_BEFORE, None)
+
+
+def frame(context):
+    """The scene's camera and the size of its pictures, as plain values."""
+    scene, render = context.scene, context.scene.render
+    return {
+        "camera": scene.camera.name if scene.camera else "",
+        "resolution": [render.resolution_x, render.resolution_y],
+        "aspect": [render.pixel_aspect_x, render.pixel_aspect_y],
+    }
+
+
+def set_frame(context, then):
+    """Give the scene the camera and the frame of `frame`; nothing where it is empty."""
+    if not then:
+        return
+    scene, render = context.scene, context.scene.render
+    scene.camera = scene.objects.get(then["camera"])
+    render.resolution_x, render.resolution_y = then["resolution"]
+    render.pixel_aspect_x, render.pixel_aspect_y = then["aspect"]
+
+
+def view_state(region):
+    """Where a view looks from, as plain values; a camera view hides it."""
+    return {
+        "view_perspective": region.view_perspective,
+        "view_location": list(region.view_location),
+        "view_rotation": list(region.view_rotation),
+        "view_distance": region.view_distance,
+    }
+
+
+def set_view(region, then):
+    """Let a view look from where `view_state` was taken."""
+    for name, value in then.items():
+        setattr(region, name, value)
+
+
+def _views_before(context):
+    """One state a view; one of which nothing is known looks freely from its place."""
+    found = list(views(context))
+    stored = json.loads(context.window_manager.get(VIEWS_BEFORE, "[]"))
+    if len(stored) != len(found):
+        stored = [None] * len(found)
+    return [then or {"view_perspective": "PERSP"} for then in stored]
+
+
+def _remember_views(context, first):
+    """Keep how the views look; of those behind a photo's camera, how they looked."""
+    states = [
+        view_state(region) if first or region.view_perspective != "CAMERA" else then
+        for region, then in zip(views(context), _views_before(context), strict=True)
+    ]
+    context.window_manager[VIEWS_BEFORE] = json.dumps(states)
+
+
+def keep_state(old, new):
+    """Give a camera or sun what the user switched at the one that it replaces."""
+    new.hide_viewport, new.hide_render = old.hide_viewport, old.hide_render
+    if new.type == "CAMERA":
+        for before in old.data.background_images:
+            put_photo(new, before.display_depth == "FRONT")
 
 
 def put_photo(view, front):

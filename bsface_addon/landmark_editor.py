@@ -173,35 +173,20 @@ def _camera(obj):
 
 
 def _view(context):
-    render = context.scene.render
     active = context.view_layer.objects.active
-    # Where a view looks from is lost when it looks through a camera.
-    views = [
-        {
-            "view_perspective": view.view_perspective,
-            "view_location": list(view.view_location),
-            "view_rotation": list(view.view_rotation),
-            "view_distance": view.view_distance,
-        }
-        for view in cameras.views(context)
-    ]
     return {
-        "camera": context.scene.camera.name if context.scene.camera else "",
-        "resolution": [render.resolution_x, render.resolution_y],
+        "frame": cameras.frame(context),
         "active": active.name if active else "",
-        "views": views,
+        "views": [cameras.view_state(view) for view in cameras.views(context)],
     }
 
 
 def _restore(context, before):
-    render = context.scene.render
-    context.scene.camera = bpy.data.objects.get(before["camera"])
-    render.resolution_x, render.resolution_y = before["resolution"]
+    cameras.set_frame(context, before["frame"])
     context.view_layer.update()
     active = context.view_layer.objects.get(before["active"])
     context.view_layer.objects.active = active
     if active is not None:
         active.select_set(True)
     for view, then in zip(cameras.views(context), before["views"], strict=False):
-        for name, value in then.items():
-            setattr(view, name, value)
+        cameras.set_view(view, then)

@@ -135,14 +135,20 @@ class BSFACE_PT_landmarks(BSFacePanel, bpy.types.Panel):
         if not 0 <= state.active_photo < len(state.photos):
             return
         row = state.photos[state.active_photo]
-        column = layout.column(align=True)
-        column.enabled = bool(row.landmarks)
+        known = bool(row.landmarks)
+        if not known:
+            text = messages.NO_LANDMARKS.format(name=row.name)
+            paragraph(context, layout, text, icon="INFO")
+        column = layout.column()
+        column.enabled = known
         column.operator("bsface.landmarks_edit", icon="EDITMODE_HLT")
         if row.faces > 1 or row.status == "other_person":
             layout.operator("bsface.face_next", icon="USER")
         pair = layout.row(align=True)
         pair.operator("bsface.landmarks_import", text="Import", icon="IMPORT")
-        pair.operator("bsface.landmarks_export", text="Export", icon="EXPORT")
+        outward = pair.row(align=True)
+        outward.enabled = known
+        outward.operator("bsface.landmarks_export", text="Export", icon="EXPORT")
         layout.operator("bsface.landmarks_clear", icon="LOOP_BACK")
 
 

@@ -84,9 +84,7 @@ def place(context, result, name, *, face=None, scale=1.0, maps=None):
         _write_facts(face, result)
         if not fresh:
             surface_object.write(context, face, points)
-            _remove(old)
-            for obj in [*cameras.of_face(face), *lights.of_face(face)]:
-                obj.name = obj.data.name = _child_name(face, obj)
+            _replace(context, face, old)
         select_only(context, face)
     return face
 
@@ -166,6 +164,8 @@ def leave_edit_mode(context):
 def remove_face(context, face):
     """Delete a face with its cameras, lights and what only they use."""
     home = _home(context, face)
+    if context.scene.camera in cameras.of_face(face):
+        cameras.leave_views(context)
     images = [
         slot.image
         for obj in cameras.of_face(face)
@@ -238,6 +238,25 @@ def _child_collection(own, what):
     return child
 
 
+def _replace(context, face, old):
+    """Let the new cameras and lights take the places of the old ones."""
+    key = cameras.PHOTO_KEY
+    names = {obj: (obj.type, obj[key]) for obj in old}
+    through = names.get(context.scene.camera)
+    found = [*cameras.of_face(face), *lights.of_face(face)]
+    new = {(obj.type, obj[key]): obj for obj in found if obj not in names}
+    for obj, name in names.items():
+        if name in new:
+            cameras.keep_state(obj, new[name])
+    if through is not None and through not in new:
+        cameras.leave_views(context)
+    _remove(old)
+    if through in new:
+        context.scene.camera = new[through]
+    for obj in new.values():
+        obj.name = obj.data.name = _child_name(face, obj)
+
+
 def _move(obj, collection):
     for other in obj.users_collection:
         other.objects.unlink(obj)
@@ -256,8 +275,10 @@ def _remove(objects):
 
 
 def select_only(context, face):
-    """Make the face the active and only selected object."""
+    """Make the face the active and only selected object, and visible."""
     context.view_layer.update()
+    face.hide_viewport = False
+    face.hide_set(False)
     for obj in context.view_layer.objects:
         obj.select_set(obj == face)
     context.view_layer.objects.active = face

@@ -44,12 +44,26 @@ class BSFACE_OT_landmarks_detect(LongOperator, bpy.types.Operator):
         self.report({"INFO"}, messages.FOUND.format(found=found, all=total))
 
 
+def with_landmarks(cls, context):
+    """Poll of what needs landmarks: those of some photo are there."""
+    if not ready(cls, context):
+        return False
+    if not any(row.landmarks for row in context.scene.bsface.photos):
+        cls.poll_message_set(messages.NOTHING_DETECTED)
+        return False
+    return True
+
+
 class BSFACE_OT_landmarks_edit(RowOperator, bpy.types.Operator):
     """Show the landmarks over the photo; move wrong ones with G, then press Done"""
 
     bl_idname = "bsface.landmarks_edit"
     bl_label = "Edit Landmarks"
     bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return with_landmarks(cls, context)
 
     def execute(self, context):
         row = self.row(context)
@@ -174,6 +188,10 @@ class BSFACE_OT_landmarks_export(LandmarkFile, bpy.types.Operator):
     bl_idname = "bsface.landmarks_export"
     bl_label = "Export Landmarks"
     bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return with_landmarks(cls, context)
 
     def invoke(self, context, event):
         row = self.row(context)

@@ -16,6 +16,9 @@ from ...core.errors import Cancelled, ReconstructionError
 from .. import job, messages, pipeline
 
 INTERVAL_S = 0.1
+# Of the running job; here and not on the operator, because Blender drops the operator
+# without a word when the add-on is disabled.
+_timer = None
 
 
 class LongOperator:
@@ -40,16 +43,14 @@ class LongOperator:
             return self.failed(context, error, traceback.format_exc())
         # The thread gets the function and the request, not the operator.
         job.start(functools.partial(type(self).solve, self._request), Cancelled)
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(INTERVAL_S, window=context.window)
-        manager.modal_handler_add(self)
-        manager.progress_begin(0, 100)
+        begin(context)
+        context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
         running = job.current()
         if running is None:
-            self.clean_up(context)
+            end(context)
             return {"CANCELLED"}
         if event.type == "ESC" and event.value == "PRESS":
             running.cancel()
@@ -57,14 +58,14 @@ class LongOperator:
             return {"PASS_THROUGH"}
         if running.cancelled:
             # The worker stops at its next report; nobody waits for it.
-            self.clean_up(context)
+            end(context)
             self.report({"INFO"}, messages.CANCELLED)
             return {"CANCELLED"}
         if running.poll():
             show_progress(context, running)
         if not running.finished:
             return {"PASS_THROUGH"}
-        self.clean_up(context)
+        end(context)
         try:
             if running.error is not None:
                 raise running.error
@@ -75,19 +76,7 @@ class LongOperator:
 
     def cancel(self, context):
         """Blender stops the operator: another file is loaded, or it quits."""
-        self.clean_up(context)
-
-    def clean_up(self, context):
-        """Forget the job and take its progress off the screen."""
-        job.end()
-        manager = context.window_manager
-        if getattr(self, "_timer", None) is not None:
-            manager.event_timer_remove(self._timer)
-            self._timer = None
-            manager.progress_end()
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
-        redraw(context)
+        end(context)
 
     def failed(self, context, error, trace):
         """Report a failure in one sentence; the trace goes into the error block."""
@@ -105,16 +94,46 @@ class LongOperator:
         return {"CANCELLED"}
 
 
+def begin(context):
+    """Show in the cursor and the status bar that a job runs."""
+    global _timer
+    manager = context.window_manager
+    _timer = manager.event_timer_add(INTERVAL_S, window=context.window)
+    manager.progress_begin(0, 100)
+
+
+def end(context):
+    """Forget the job and take its progress off the screen; fine where none runs."""
+    global _timer
+    job.end()
+    if _timer is None:
+        return
+    manager = context.window_manager
+    manager.event_timer_remove(_timer)
+    _timer = None
+    manager.progress_end()
+    if context.workspace is not None:
+        context.workspace.status_text_set(None)
+    redraw(context)
+
+
 def show_progress(context, running):
     """Progress in the cursor, the status bar and the sidebar."""
-    step = running.step
-    if step is None:
+    if running.step is None:
         return
     context.window_manager.progress_update(100 * running.fraction)
     if context.workspace is not None:
-        line = messages.progress_line(running) + "   Esc: stop"
-        context.workspace.status_text_set(line)
+        # A text would stay with its workspace after the user has gone to another one.
+        context.workspace.status_text_set(draw_status)
     redraw(context)
+
+
+def draw_status(header, context):
+    """The status bar of a running job."""
+    running = job.current()
+    if running is not None:
+        text = messages.progress_line(running) + "   Esc: stop"
+        header.layout.label(text=text, translate=False)
 
 
 def redraw(context):

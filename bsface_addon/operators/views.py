@@ -60,11 +60,11 @@ class BSFACE_OT_view_photo(ViewOperator, bpy.types.Operator):
 
 
 class BSFACE_OT_view_leave(ViewOperator, bpy.types.Operator):
-    """Look freely at the scene again"""
+    """Go back to the view, the camera and the frame from before the photos"""
 
     bl_idname = "bsface.view_leave"
     bl_label = "Leave Camera View"
-    bl_options = {"REGISTER"}
+    bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
         cameras.leave_views(context)

@@ -11,15 +11,13 @@ from blender.checkout import load
 scene = load("bsface_addon.scene")
 surface_object = load("bsface_addon.surface_object")
 photo_list = load("bsface_addon.photo_list")
-# Those that leave the file as it is: they write other files, or the clipboard, or only
-# change what a view looks at.
+# Those that leave the file as it is: they write other files, or the clipboard.
 NO_UNDO = {
     "copy_information",
     "export",
     "landmarks_export",
     "preset_add",
     "texture_save",
-    "view_leave",
 }
 
 

@@ -163,14 +163,3 @@ def test_job_brings_errors_with_their_trace():
     finish(running)
     assert isinstance(running.error, ValueError) and "broken" in running.trace
     job.end()
-
-
-def test_loading_a_file_ends_the_job(addon):
-    go = threading.Event()
-    running = job.start(lambda progress: go.wait(20), errors.Cancelled)
-    assert not bpy.ops.bsface.reconstruct.poll()
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert job.current() is None and running.cancelled
-    assert bpy.ops.bsface.reconstruct.poll()
-    go.set()
-    finish(running)

@@ -1,10 +1,13 @@
 """The modal half of the long operators, driven by made-up events."""
 
+import subprocess
+import sys
 import threading
 import time
 from types import SimpleNamespace
 from unittest.mock import MagicMock
 
+import bpy
 import pytest
 from blender.checkout import load
 
@@ -40,8 +43,9 @@ def window(monkeypatch):
     """A context with a window, and a Blender that is not in the background."""
     fake = SimpleNamespace(app=SimpleNamespace(background=False))
     monkeypatch.setattr(running, "bpy", fake)
-    yield MagicMock()
-    job.end()
+    context = MagicMock()
+    yield context
+    running.end(context)
 
 
 def started(window, solve):
@@ -101,6 +105,82 @@ def test_blender_stops_it_when_another_file_is_loaded(window):
     # Events that still come find the job gone.
     assert operator.modal(window, TIMER) == {"CANCELLED"}
     go.set()
+
+
+@pytest.fixture
+def going(addon):
+    """A job under way in this Blender, and what lets it go on."""
+    go = threading.Event()
+    began = job.start(lambda progress: go.wait(20), errors.Cancelled)
+    running.begin(bpy.context)
+    yield began
+    go.set()
+    assert began.wait(20)
+    running.end(bpy.context)
+
+
+def assert_nothing_runs(began):
+    assert began.cancelled and job.current() is None
+    # Blender removes a timer only once: a second time is an error.
+    assert running._timer is None
+
+
+def test_loading_a_file_ends_the_job(going):
+    assert not bpy.ops.bsface.reconstruct.poll()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert_nothing_runs(going)
+    assert bpy.ops.bsface.reconstruct.poll()
+
+
+def test_disabling_the_addon_ends_the_job(addon, going):
+    addon.unregister()
+    try:
+        assert_nothing_runs(going)
+        assert not hasattr(bpy.types, "BSFACE_OT_reconstruct")
+        assert addon.stop_job not in bpy.app.handlers.load_pre
+    finally:
+        addon.register()
+    assert bpy.ops.bsface.reconstruct.poll()
+
+
+def test_quitting_does_not_wait_for_the_job():
+    """An interpreter ends although its job never does."""
+    program = (
+        "import sys, threading; from importlib import util\n"
+        "spec = util.spec_from_file_location('job', sys.argv[1])\n"
+        "job = util.module_from_spec(spec); spec.loader.exec_module(job)\n"
+        "started = threading.Event()\n"
+        "work = lambda progress: (started.set(), threading.Event().wait())\n"
+        "job.start(work, KeyError)\n"
+        "assert started.wait(20) and job.current() is not None\n"
+    )
+    command = [sys.executable, "-c", program, job.__file__]
+    assert subprocess.run(command, timeout=60).returncode == 0
+
+
+def test_the_status_bar_shows_the_job_and_is_given_back(window):
+    go = threading.Event()
+
+    def solve(request, progress):
+        progress(Step("motion", 3, 8, 0.4, ""))
+        go.wait(20)
+
+    operator = started(window, solve)
+    for _ in range(400):
+        operator.modal(window, TIMER)
+        if job.current().step is not None:
+            break
+        time.sleep(0.01)
+    window.workspace.status_text_set.assert_called_with(running.draw_status)
+    header = MagicMock()
+    running.draw_status(header, window)
+    (said,) = header.layout.label.call_args_list
+    assert "Placing cameras 3/8" in said.kwargs["text"]
+    go.set()
+    assert until_end(operator, window) == {"FINISHED"}
+    running.draw_status(header, window)
+    assert header.layout.label.call_count == 1
+    assert_cleaned(operator, window)
 
 
 @pytest.mark.parametrize(

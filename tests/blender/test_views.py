@@ -74,3 +74,61 @@ def test_the_landmark_editor_gives_the_view_back(face):
         assert view.view_distance == pytest.approx(3)
         assert list(view.view_location) == pytest.approx([1, 2, 3])
         assert list(view.view_rotation) == pytest.approx([0.5] * 4)
+
+
+def test_leaving_the_cameras_gives_view_camera_and_frame_back(face):
+    own = bpy.data.objects.new("own", bpy.data.cameras.new("own"))
+    context, render = bpy.context, bpy.context.scene.render
+    context.scene.collection.objects.link(own)
+    context.scene.camera = own
+    render.resolution_x, render.resolution_y, render.pixel_aspect_x = 640, 360, 2.0
+    views = list(cameras.views(context))
+    for view in views:
+        view.view_perspective = "ORTHO"
+        view.view_distance, view.view_rotation = 3.0, (0.5, 0.5, 0.5, 0.5)
+    for _ in range(2):
+        bpy.ops.bsface.view_photo()
+        assert render.pixel_aspect_x == 1
+        for view in views:
+            assert view.view_perspective == "CAMERA"
+            view.view_rotation, view.view_distance = (1, 0, 0, 0), 7.0
+    bpy.ops.bsface.landmarks_edit()
+    bpy.ops.bsface.landmarks_done()
+    assert context.scene.camera in cameras.of_face(face)
+    bpy.ops.bsface.view_leave()
+    assert context.scene.camera == own
+    size = (render.resolution_x, render.resolution_y, render.pixel_aspect_x)
+    assert size == (640, 360, 2.0)
+    for view in views:
+        assert view.view_perspective == "ORTHO"
+        assert view.view_distance == pytest.approx(3)
+        assert list(view.view_rotation) == pytest.approx([0.5] * 4)
+    # Nothing is remembered now: leaving again changes nothing.
+    bpy.ops.bsface.view_leave()
+    assert context.scene.camera == own
+
+
+def test_a_new_run_keeps_what_was_switched_and_looked_through(face):
+    bpy.ops.bsface.view_photo(direction="NAMED", photo="1.png")
+    bpy.ops.bsface.light_show()
+    bpy.ops.bsface.view_front(front=True)
+    bpy.ops.bsface.view_show(show=False)
+    face.hide_set(True)
+    bpy.ops.bsface.reconstruct()
+    found = cameras.of_face(face)
+    assert bpy.context.scene.camera == found[1]
+    assert all(view.hide_viewport for view in found)
+    assert found[0].data.background_images[0].display_depth == "FRONT"
+    suns = load("bsface_addon.lights").of_face(face)
+    assert [sun.hide_viewport for sun in suns] == [True, False, True]
+    assert face.visible_get() and face.select_get()
+
+
+def test_removing_the_face_leaves_its_cameras(face):
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = 640, 360
+    bpy.ops.bsface.view_photo()
+    bpy.ops.bsface.face_remove()
+    assert (render.resolution_x, render.resolution_y) == (640, 360)
+    for view in cameras.views(bpy.context):
+        assert view.view_perspective == "PERSP"
