@@ -57,6 +57,11 @@ def main(given):
 
         _say_failure(options, messages.MISSING.format(missing=error.name or error))
         return FAILED
+    except MemoryError:
+        from . import messages
+
+        _say_failure(options, messages.NO_MEMORY + ".")
+        return FAILED
     except KeyboardInterrupt:
         return INTERRUPTED
     if options.json:

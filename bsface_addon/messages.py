@@ -105,6 +105,7 @@ UNEXPECTED = (
     "An error inside BSface ({error}); the scene is as it was. Please copy the system "
     "information at the end of the panel into a report"
 )
+NO_MEMORY = "There is not enough memory; use fewer photos or fewer control points"
 BAD_SETTINGS = "The settings are not usable: {why}"
 
 

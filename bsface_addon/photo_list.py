@@ -35,7 +35,11 @@ def replace(state, paths):
 
 def rename(state):
     """Give each row the name that the core will give its photo."""
-    names = [absolute(row).name for row in state.photos]
+    # A file's name may be no text; Blender's and the core's names are.
+    names = [
+        absolute(row).name.encode("utf-8", "replace").decode("utf-8")
+        for row in state.photos
+    ]
     count, taken = Counter(names), Counter()
     for row, name in zip(state.photos, names, strict=True):
         if count[name] > 1:

@@ -90,7 +90,10 @@ def settings(group, changes=None):
 
     try:
         return settings_group.to_core(group, changes)
-    except (TypeError, ValueError) as error:
+    except ValueError as error:
+        # The core's sentence names the setting and its limits.
+        raise ReconstructionError(str(error)) from error
+    except TypeError as error:
         raise ReconstructionError(messages.BAD_SETTINGS.format(why=error)) from error
 
 

@@ -109,8 +109,8 @@ def reconstruct_command(argv: Sequence[str]) -> int:
         return 1
     except MemoryError:
         sys.stderr.write(
-            "\nbsface: not enough memory; use fewer photos or a smaller net "
-            "(--set control_points=30,30)\n"
+            "\nbsface: There is not enough memory; use fewer photos or a smaller net "
+            "(--set control_points=30,30).\n"
         )
         return 1
     except (KeyboardInterrupt, Cancelled):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,7 +88,7 @@ def reconstruct(
     """
     settings = settings or Settings()
     clock = _Clock(progress)
-    with one_blas_thread():
+    with one_blas_thread(), _memory_told():
         model = _template(template, settings)
         settings = replace(settings, control_points=model.surface.shape)
         gathered = gather(
@@ -99,6 +101,20 @@ def reconstruct(
         )
         clock.lap("landmarks")
         return solve(gathered, settings, model, clock)
+
+
+@contextlib.contextmanager
+def _memory_told() -> Iterator[None]:
+    """Want of memory, of NumPy or of OpenCV, as a sentence."""
+    try:
+        yield
+    except (MemoryError, cv2.error) as error:
+        if isinstance(error, cv2.error) and error.code != cv2.Error.StsNoMem:
+            raise
+        raise ReconstructionError(
+            "There is not enough memory; use fewer photos or a smaller net "
+            "(control_points 30, 30)."
+        ) from None
 
 
 def solve(

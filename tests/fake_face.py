@@ -87,6 +87,7 @@ class FakeReconstruction:
     history: tuple = ()
     warnings: tuple = ()
     seconds: dict = field(default_factory=dict)
+    expressions: Any = None
 
 
 def skin_pattern(uv: np.ndarray) -> np.ndarray:
@@ -181,7 +182,9 @@ def bare_reconstruction() -> FakeReconstruction:
     return FakeReconstruction(surface=surface, template=face_template(surface))
 
 
-def person_folder(folder, count: int = 4, seed: int = 0, side: int = 220):
+def person_folder(
+    folder, count: int = 4, seed: int = 0, side: int = 220, yaw=(-25.0, 25.0)
+):
     """A folder of drawn photos of the template with their landmark files beside them.
 
     The whole job runs on it without the detector (``detector=False``).
@@ -200,7 +203,7 @@ def person_folder(folder, count: int = 4, seed: int = 0, side: int = 220):
     grid = render.sample_surface(surface, None, 150)
     folder.mkdir(parents=True, exist_ok=True)
     for index in range(count):
-        R = render.yaw_rotation(rng.uniform(-25, 25), rng.uniform(-8, 8))
+        R = render.yaw_rotation(rng.uniform(*yaw), rng.uniform(-8, 8))
         centre = np.full(2, (side - 1) / 2)
         camera = Camera(R, side / 260, np.zeros(2), 1 / 1200, centre)
         raster = render.rasterize(

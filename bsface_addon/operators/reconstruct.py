@@ -46,6 +46,11 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         description="JSON object of settings that differ from the panel's",
         options={"SKIP_SAVE"},
     )
+    ignore: StringProperty(
+        name="Leave Out",
+        description="Names of photos to leave out, separated by |",
+        options={"SKIP_SAVE"},
+    )
     separate: BoolProperty(
         name="Make Another Face",
         description="Make a new object even where a face can be updated",
@@ -72,7 +77,10 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
                 self.control_points_u or state.settings.control_points_u,
                 self.control_points_v or state.settings.control_points_v,
             )
-        return pipeline.request(state, photos, self.name, changes)
+        left_out = tuple(name for name in self.ignore.split("|") if name)
+        if photos is None:
+            left_out += photo_list.ignored(state)
+        return pipeline.request(state, photos, self.name, changes, ignore=left_out)
 
     def deliver(self, context, request, outcome):
         state = context.scene.bsface

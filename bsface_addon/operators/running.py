@@ -87,6 +87,9 @@ class LongOperator:
         elif isinstance(error, ImportError):
             sentence = messages.MISSING.format(missing=error.name or error)
             state.last_error = trace
+        elif isinstance(error, MemoryError):
+            sentence = messages.NO_MEMORY
+            state.last_error = trace
         else:
             sentence = messages.UNEXPECTED.format(error=error)
             state.last_error = trace

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..output.files import why_not_writable
 from ..output.formats import WRITERS, ending
 from ..settings import Settings
 
@@ -53,10 +53,7 @@ def check_outputs(outputs: Sequence[str], report: str | None = None) -> None:
     if report is not None and Path(report).suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"{report}: the page must end in .html.")
     for name in (*outputs, *([report] if report else [])):
-        try:
-            why = _why_not_writable(Path(name))
-        except OSError as error:
-            why = f"cannot be written ({error.strerror}); choose another name"
+        why = why_not_writable(Path(name))
         if why:
             raise ValueError(f"{name}: {why}.")
 
@@ -64,16 +61,3 @@ def check_outputs(outputs: Sequence[str], report: str | None = None) -> None:
 def say(sentence: str) -> None:
     """A sentence on the terminal, whatever the output is piped into."""
     sys.stderr.write(f"bsface: {sentence}\n")
-
-
-def _why_not_writable(path: Path) -> str:
-    if path.is_dir():
-        return "is a folder; give the name of a file in it"
-    folder = path.absolute().parent
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    if not folder.is_dir():
-        return f"cannot be written ({folder} is a file); choose another folder"
-    if not os.access(folder, os.W_OK):
-        return f"cannot be written (no permission in {folder}); choose another folder"
-    return ""

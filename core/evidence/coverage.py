@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SIDE = 15.0  # degrees of yaw from which a photo shows a side of the face
+FRONT = 45.0  # beyond this one eye and half of the mouth are hidden
 FEW = 5
 # Second singular value of the intensities, relative to the first, below which light
 # hardly differs. Forty photos under different lights have 0.2 to 0.3.
@@ -47,6 +48,11 @@ def shortcomings(poses: Array, singular_values: Array | None = None) -> tuple[st
                 f"No photo shows the head turned to the {side} of the picture; add one "
                 f"turned by 20 to 40 degrees, or the {way} cheek stays a guess."
             )
+    if n and (np.abs(yaw) > FRONT).all():
+        out.append(
+            "No photo shows the face from the front; add one turned by less than 30 "
+            "degrees, or its width stays a guess."
+        )
     spread = 1.0 if singular_values is None else float(singular_values[1:2].sum())
     if n > 2 and spread < FLAT_LIGHT:
         out.append(

@@ -97,11 +97,13 @@ def gather(
     Raises
     ------
     ReconstructionError
-        If there are no photos, no model files, or no photo can be used.
+        If there are no photos, no model files, no photo can be used, or no photo has
+        a name of ``ignore``.
     """
     settings = settings or Settings()
     template = template or load_template()
     sources = _sources(photos)
+    _check_names(ignore, [name for name, _ in sources])
     reader = _Reader(
         template,
         settings.landmarks,
@@ -286,6 +288,18 @@ def _sources(
             taken[name] += 1
             names[i] = f"{name} ({taken[name]})"
     return list(zip(names, items, strict=True))
+
+
+def _check_names(ignore: Sequence[str], names: Sequence[str]) -> None:
+    # A name with a slip would let the photo in, and the slip show after the work.
+    for name in ignore:
+        if name not in names:
+            listed = ", ".join(names[:5])
+            if len(names) > 5:
+                listed += f" ... ({len(names)} photos)"
+            raise ReconstructionError(
+                f"There is no photo {name!r} to leave out; the names are {listed}."
+            )
 
 
 def _shown(name: str) -> str:

@@ -15,6 +15,9 @@ from pathlib import Path
 
 from ..errors import ReconstructionError
 
+# Ask for the rights that writing will have, where the system can be asked.
+_EFFECTIVE = os.access in os.supports_effective_ids
+
 
 @contextlib.contextmanager
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
@@ -37,6 +40,9 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         When the folder or the file cannot be written.
     """
     target = Path(path)
+    why = why_not_writable(target)
+    if why:
+        raise ReconstructionError(f"{target}: {why}.")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(
@@ -64,6 +70,23 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def why_not_writable(path: Path) -> str:
+    """Why no file can be written there, as the end of a sentence; "" if it may do."""
+    try:
+        if path.is_dir():
+            return "is a folder; give the name of a file in it"
+        folder = path.absolute().parent
+        while not folder.exists() and folder != folder.parent:
+            folder = folder.parent
+        if not folder.is_dir():
+            return f"cannot be written ({folder} is a file); choose another folder"
+    except OSError as error:
+        return f"cannot be written ({error.strerror}); choose another name"
+    if not os.access(folder, os.W_OK, effective_ids=_EFFECTIVE):
+        return f"cannot be written (no permission in {folder}); choose another folder"
+    return ""
 
 
 def write_bytes(path: str | os.PathLike, content: bytes) -> Path:

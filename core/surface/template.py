@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..npz_arrays import floats as npz_floats
+from ..npz_arrays import read_arrays
 from .bspline import BSplineSurface
 
 Array = NDArray[np.float64]
@@ -125,58 +124,19 @@ def load_template(path: str | Path | None = None) -> Template:
     try:
         # Opened here: numpy leaves the file open when it is damaged.
         with path.open("rb") as file:
-            a = _arrays(file)
+            a = read_arrays(file, MAX_BYTES)
         return _template(a)
-    except _NOT_A_TEMPLATE as error:
-        why = "something is missing" if isinstance(error, EOFError) else str(error)
-        if isinstance(error, OSError) and error.strerror:
-            why = error.strerror
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
         raise ValueError(
             f"{path} is not a template file ({' '.join(why.split())}); build one with "
             "tools/build_template.py or leave the template empty."
         ) from error
 
 
-# What numpy, zipfile and zlib raise for files that are damaged or something else.
-_NOT_A_TEMPLATE = (
-    ValueError,
-    OSError,
-    EOFError,
-    zipfile.BadZipFile,
-    zlib.error,
-    NotImplementedError,
-    RuntimeError,
-    MemoryError,
-)
-
-
-def _arrays(file: BinaryIO) -> dict[str, NDArray]:
-    with zipfile.ZipFile(file) as z:
-        names = [n.removesuffix(".npy") for n in z.namelist() if n.endswith(".npy")]
-        if sum(i.file_size for i in z.infolist()) > MAX_BYTES:
-            raise ValueError(f"it holds more than {MAX_BYTES // 10**6} MB")
-    file.seek(0)
-    with np.load(file, allow_pickle=False) as z:
-        return {k: z[k] for k in names}
-
-
 def _template(a: dict[str, NDArray]) -> Template:
     def floats(name: str, *shape: int | None) -> Array:
-        if name not in a:
-            raise ValueError(f"{name} is missing")
-        value = a[name]
-        fits = value.ndim == len(shape) and all(
-            want in (None, have) for want, have in zip(shape, value.shape, strict=True)
-        )
-        if not fits or value.dtype.kind not in "fiub":
-            wanted = " x ".join("any" if k is None else str(k) for k in shape)
-            raise ValueError(
-                f"{name} must hold {wanted} numbers, not {value.dtype} {value.shape}"
-            )
-        value = value.astype(float)
-        if not np.isfinite(value).all():
-            raise ValueError(f"{name} holds values that are not finite")
-        return value
+        return npz_floats(a, name, *shape)
 
     def indices(name: str, size: int) -> NDArray[np.int64]:
         value = floats(name, size)

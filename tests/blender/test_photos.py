@@ -1,5 +1,7 @@
 """The photo list and its operators."""
 
+import sys
+
 import bpy
 import cv2
 import numpy as np
@@ -136,3 +138,21 @@ def test_images_dropped_into_the_view_go_to_the_same_operator():
     handler = bpy.types.BSFACE_FH_photos
     assert handler.bl_import_operator == "bsface.photos_add"
     assert ".jpg" in handler.bl_file_extensions.split(";")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX names")
+def test_name_that_is_no_text(addon, solved, tmp_path):
+    """Old archives have names in other encodings; Blender's texts are UTF-8."""
+    (tmp_path / "photos" / "0.png").rename(tmp_path / "photos" / "\udcff.png")
+    assert bpy.ops.bsface.photos_add(directory=str(tmp_path / "photos")) == {"FINISHED"}
+    names = [row.name for row in bpy.context.scene.bsface.photos]
+    assert sorted(names) == ["1.png", "2.png", "?.png"]
+
+
+def test_photos_to_leave_out(addon, solved, tmp_path):
+    folder = str(tmp_path / "photos")
+    bpy.ops.bsface.reconstruct(directory=folder, ignore="0.png|2.png")
+    assert solved[-1].ignore == ("0.png", "2.png")
+    bpy.context.scene.bsface.photos[1].use = False
+    bpy.ops.bsface.reconstruct(ignore="0.png")
+    assert solved[-1].ignore == ("0.png", "1.png")

@@ -48,8 +48,8 @@ def test_settings_of_the_call_win_over_the_panel(addon, solved, tmp_path):
         ({"directory": "/no/such/folder"}, "cannot open this folder"),
         ({"settings": "{", "directory": "."}, "settings"),
         ({"settings": "[1]", "directory": "."}, "settings"),
-        ({"settings": '{"method": "magic"}', "directory": "."}, "settings"),
-        ({"settings": '{"nonsense": 1}', "directory": "."}, "settings"),
+        ({"settings": '{"method": "magic"}', "directory": "."}, "method must be"),
+        ({"settings": '{"nonsense": 1}', "directory": "."}, "no setting nonsense"),
     ],
 )
 def test_wrong_calls_say_why_and_change_nothing(

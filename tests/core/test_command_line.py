@@ -206,7 +206,7 @@ def fail(monkeypatch, error):
     ("error", "code", "sentence"),
     [
         (ReconstructionError("No photo; add one."), 1, "bsface: No photo; add one."),
-        (MemoryError(), 1, "bsface: not enough memory; use fewer photos"),
+        (MemoryError(), 1, "bsface: There is not enough memory; use fewer"),
         (KeyboardInterrupt(), 130, "bsface: interrupted, nothing written"),
         (Cancelled(), 130, "bsface: interrupted, nothing written"),
     ],

@@ -38,3 +38,10 @@ def test_sentences_end_properly(count, values):
     for sentence in shortcomings(np.zeros((count, 3)), values):
         assert sentence[0].isupper()
         assert sentence.endswith(".")
+
+
+def test_profiles_only():
+    sides = np.array([[y, 0, 0] for y in (-80, -70, -60, 60, 70)], float)
+    (sentence,) = shortcomings(sides, VARIED)
+    assert "from the front" in sentence
+    assert shortcomings(np.vstack([sides, np.zeros((1, 3))]), VARIED) == ()

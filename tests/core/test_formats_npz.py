@@ -99,7 +99,7 @@ def test_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
     [
         (lambda a: a.pop("knots_u"), "not a face file"),
         (lambda a: a.update(knots_u=a["knots_u"] * 2), "uniform bicubic"),
-        (lambda a: a.update(control_points=np.zeros((3, 9, 3))), "uniform bicubic"),
+        (lambda a: a.update(control_points=np.zeros((3, 9, 3))), "fewer than 4"),
         (lambda a: a.update(settings=np.array("{")), "damaged"),
     ],
 )

@@ -385,3 +385,9 @@ def test_press_photos(models, person):
     for photo, marks in zip(found.photos, found.landmarks, strict=True):
         away = marks.points.mean(axis=0) - np.array(photo.size) / 2
         assert np.abs(away).max() < 25, photo.name
+
+
+def test_names_to_leave_out_must_be_those_of_photos(picture):
+    """A slip would let the photo in, unseen."""
+    with pytest.raises(ReconstructionError, match=r"no photo 'b.png' to leave out"):
+        gather([picture] * 7, NO_DETECTOR, ignore=["picture 1", "b.png"])

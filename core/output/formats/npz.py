@@ -45,13 +45,23 @@ import numpy.typing as npt
 
 from ...errors import ReconstructionError
 from ...evidence.camera import Camera
+from ...npz_arrays import floats, read_arrays
 from ...surface.bspline import BSplineSurface
 from ..files import replacing
 
 Array = npt.NDArray[np.float64]
 
 FILE_VERSION = 1
-_PHOTOMETRIC = ("uv", "normals", "albedo", "lights", "singular_values")
+# Face files have a few hundred kilobytes; a small file may claim to hold anything.
+MAX_BYTES = 100_000_000
+# Name -> shape.
+_PHOTOMETRIC: dict[str, tuple[int | None, ...]] = {
+    "uv": (None, 2),
+    "normals": (None, 3),
+    "albedo": (None, 3),
+    "lights": (None, None),
+    "singular_values": (None,),
+}
 
 
 @dataclass(frozen=True)
@@ -203,16 +213,16 @@ def read_npz(path: str | os.PathLike) -> SavedFace:
     """
     path = Path(path)
     try:
-        # Opened here: numpy leaves the file open when it is damaged.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        with path.open("rb") as file:
+            arrays = read_arrays(file, MAX_BYTES)
     except FileNotFoundError:
         raise ReconstructionError(
             f"{path}: there is no such file; give the .npz of a reconstruction."
         ) from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError):
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
         raise ReconstructionError(
-            f"{path}: not a readable .npz file; write it again with bsface."
+            f"{path}: not a readable .npz file ({why}); write it again with bsface."
         ) from None
     promised = ("control_points", "knots_u", "knots_v", "settings", "report")
     missing = [name for name in promised if name not in arrays]
@@ -221,79 +231,104 @@ def read_npz(path: str | os.PathLike) -> SavedFace:
             f"{path}: not a face file ({', '.join(missing)} missing); "
             "give the .npz of a reconstruction."
         )
-    points = np.asarray(arrays["control_points"], float)
-    knots_u, knots_v = arrays["knots_u"], arrays["knots_v"]
-    if (
-        points.ndim != 3
-        or points.shape[2] != 3
-        or min(points.shape[:2]) < 4
-        or not np.isfinite(points).all()
-        or not _are_uniform(knots_u, points.shape[0])
-        or not _are_uniform(knots_v, points.shape[1])
-    ):
-        raise ReconstructionError(
-            f"{path}: the control points or knots are not those of a uniform bicubic "
-            "surface; write the file again with bsface."
-        )
     try:
-        settings = json.loads(str(arrays["settings"]))
-        report = json.loads(str(arrays["report"]))
-        about = json.loads(str(arrays.get("about", "{}")))
-    except json.JSONDecodeError:
+        return SavedFace(
+            **_surface(arrays),
+            settings=_json(arrays, "settings", dict),
+            report=_json(arrays, "report", list),
+            about=_json(arrays, "about", dict) if "about" in arrays else {},
+            outline_uv=_optional(arrays, "outline_uv", None, 2),
+            confidence=_optional(arrays, "confidence", None, None, finite=False),
+            photometric=_photometric(arrays),
+            **_cameras(arrays),
+            **_landmarks(arrays),
+        )
+    except ValueError as error:
         raise ReconstructionError(
-            f"{path}: its settings or report are damaged; write the file again."
+            f"{path}: the face file is damaged ({error}); write it again with bsface."
         ) from None
-    return SavedFace(
-        control_points=points,
-        knots_u=knots_u,
-        knots_v=knots_v,
-        settings=settings,
-        report=report,
-        about=about,
-        outline_uv=arrays.get("outline_uv"),
-        confidence=arrays.get("confidence"),
-        photometric={
-            name: arrays[f"photometric_{name}"]
-            for name in _PHOTOMETRIC
-            if f"photometric_{name}" in arrays
-        },
-        **_cameras(arrays),
-        **_landmarks(arrays),
-    )
 
 
-def _are_uniform(knots: npt.NDArray, count: int) -> bool:
-    return knots.shape == (count + 4,) and np.array_equal(knots, np.arange(count + 4))
+def _surface(arrays: dict[str, npt.NDArray]) -> dict[str, Array]:
+    points = floats(arrays, "control_points", None, None, 3)
+    if min(points.shape[:2]) < 4:
+        raise ValueError("control_points are fewer than 4 x 4")
+    knots = {"control_points": points}
+    for name, count in zip(("knots_u", "knots_v"), points.shape[:2], strict=True):
+        knots[name] = floats(arrays, name, count + 4)
+        if not np.array_equal(knots[name], np.arange(count + 4)):
+            raise ValueError(f"{name} are not those of a uniform bicubic surface")
+    return knots
+
+
+def _json(arrays: dict[str, npt.NDArray], name: str, kind: type) -> Any:
+    text = arrays[name]
+    if text.shape != () or text.dtype.kind != "U":
+        raise ValueError(f"{name} is not a text")
+    try:
+        value = json.loads(str(text))
+    except (ValueError, RecursionError):
+        raise ValueError(f"{name} is not valid JSON") from None
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} is not a {kind.__name__}")
+    return value
+
+
+def _optional(
+    arrays: dict[str, npt.NDArray], name: str, *shape: int | None, finite: bool = True
+) -> Array | None:
+    return floats(arrays, name, *shape, finite=finite) if name in arrays else None
+
+
+def _photometric(arrays: dict[str, npt.NDArray]) -> dict[str, Array]:
+    found = {}
+    for name, shape in _PHOTOMETRIC.items():
+        value = _optional(arrays, f"photometric_{name}", *shape, finite=False)
+        if value is not None:
+            found[name] = value
+    return found
+
+
+def _names(arrays: dict[str, npt.NDArray], name: str, count: int) -> tuple[str, ...]:
+    found = arrays.get(name, np.zeros(0))
+    if found.shape != (count,) or found.dtype.kind != "U":
+        raise ValueError(f"{name} must hold {count} names")
+    return tuple(str(item) for item in found)
 
 
 def _cameras(arrays: dict[str, npt.NDArray]) -> dict[str, Any]:
     if "camera_R" not in arrays:
         return {}
+    R = floats(arrays, "camera_R", None, 3, 3)
+    n = len(R)
+    rest = zip(
+        R,
+        floats(arrays, "camera_s", n),
+        floats(arrays, "camera_t", n, 2),
+        floats(arrays, "camera_kappa", n),
+        floats(arrays, "camera_principal", n, 2),
+        strict=True,
+    )
     cameras = tuple(
         Camera(R=R, s=float(s), t=t, kappa=float(kappa), principal=principal)
-        for R, s, t, kappa, principal in zip(
-            arrays["camera_R"],
-            arrays["camera_s"],
-            arrays["camera_t"],
-            arrays["camera_kappa"],
-            arrays["camera_principal"],
-            strict=True,
-        )
+        for R, s, t, kappa, principal in rest
     )
-    return {
-        "camera_photos": tuple(str(name) for name in arrays["camera_photo"]),
-        "cameras": cameras,
-    }
+    return {"camera_photos": _names(arrays, "camera_photo", n), "cameras": cameras}
 
 
 def _landmarks(arrays: dict[str, npt.NDArray]) -> dict[str, Any]:
     if "landmark_count" not in arrays:
         return {}
-    ends = np.cumsum(arrays["landmark_count"])[:-1]
+    count = floats(arrays, "landmark_count", None)
+    points = floats(arrays, "landmark_points", None, 2)
+    weights = floats(arrays, "landmark_weight", len(points))
+    if (count < 0).any() or (count % 1).any() or count.sum() != len(points):
+        raise ValueError("landmark_count does not fit landmark_points")
+    ends = np.cumsum(count.astype(int))[:-1]
     return {
-        "landmark_schemes": tuple(str(name) for name in arrays["landmark_scheme"]),
-        "landmark_points": tuple(np.split(arrays["landmark_points"], ends)),
-        "landmark_weights": tuple(np.split(arrays["landmark_weight"], ends)),
+        "landmark_schemes": _names(arrays, "landmark_scheme", len(count)),
+        "landmark_points": tuple(np.split(points, ends)),
+        "landmark_weights": tuple(np.split(weights, ends)),
     }
 
 
