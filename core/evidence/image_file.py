@@ -108,13 +108,20 @@ def decode(data: np.ndarray, reduction: int) -> np.ndarray | None:
     ----------
     data : (n,) uint8 array
     reduction : 1, 2, 4 or 8
+
+    Raises
+    ------
+    MemoryError
+        There is not enough memory for the pixels.
     """
     # COLOR applies the EXIF turn and gives three channels; ANYDEPTH keeps 16 bits.
     flags = _REDUCED[reduction] | cv2.IMREAD_ANYDEPTH
     try:
         with _quiet():
             pixels = cv2.imdecode(data, flags)
-    except (cv2.error, MemoryError):
+    except cv2.error as error:
+        if error.code == cv2.Error.StsNoMem:
+            raise MemoryError from None
         return None
     if pixels is None or pixels.ndim != 3 or pixels.size == 0:
         return None

@@ -1,6 +1,7 @@
 """Many people: one reconstruction a folder, on any ``concurrent.futures`` executor.
 
-    python -m bsface batch PEOPLE OUT [--workers 2] [--scheduler tcp://host:8786]
+    python -m bsface batch PEOPLE OUT [--workers 2] [--memory 2G]
+                                      [--scheduler tcp://host:8786]
                                       [--set NAME=VALUE ...] [--write FILE ...]
 
 PEOPLE holds one sub-folder of photos a person; OUT gets one folder a person and
@@ -31,6 +32,15 @@ from ..cli.arguments import parse_settings
 from ..errors import ReconstructionError
 from ..reconstruct import reconstruct
 from ..settings import Settings
+from .batch_memory import (
+    check_memory,
+    ended_abruptly,
+    for_want_of_memory,
+    held_to,
+    limit_memory,
+    parse_memory,
+    too_little,
+)
 from .batch_record import (
     Outcome,
     fingerprint,
@@ -63,6 +73,7 @@ def run_batch(
     wanted: Sequence[str] = WANTED,
     workers: int = 2,
     executor: Executor | None = None,
+    memory: int | None = None,
     told: Told | None = None,
 ) -> tuple[Outcome, ...]:
     """Reconstruct every person of a folder.
@@ -83,6 +94,9 @@ def run_batch(
     executor : Executor, optional
         Where to compute instead, such as the executor of a Dask client. Its workers
         must see both folders under the same names.
+    memory : int, optional
+        Bytes that a process on this machine may have; Linux only. A person who needs
+        more fails with a sentence, the others go on.
     told : callable, optional
         Receives each outcome, how many are finished, and how many there are.
 
@@ -94,11 +108,17 @@ def run_batch(
     Raises
     ------
     ReconstructionError
-        When there are no people or OUT cannot be written.
+        When there are no people, OUT cannot be written or ``memory`` cannot be held.
     """
     folders = people_in(people)
     out = Path(out)
     _check_wanted(wanted)
+    check_memory(memory)
+    if executor is not None and memory is not None:
+        raise ReconstructionError(
+            "The limit of memory holds for processes here only; give that of "
+            "the cluster to its workers (`dask worker --memory-limit`)."
+        )
     with contextlib.suppress(OSError):
         out.mkdir(parents=True, exist_ok=True)
         sweep(out)
@@ -109,7 +129,7 @@ def run_batch(
     }
     finished: dict[str, Outcome] = {}
     if executor is None:
-        runs = _on_processes(jobs, max(1, workers))
+        runs = _on_processes(jobs, max(1, workers), memory)
     else:
         runs = _on_executor(executor, jobs)
     for outcome in runs:
@@ -161,16 +181,21 @@ def run_person(
         )
         write_record(target, mark, outcome)
         return outcome
-    except ReconstructionError as error:
-        reason = str(error)
-    except MemoryError:
-        reason = f"{folder}: not enough memory; use fewer workers or smaller photos."
     except Exception as error:
-        # A fault of ours in one folder must not stop the other people.
-        logger.exception("batch: %s", folder)
-        reason = f"{folder}: unexpected {type(error).__name__}: {error}"
+        reason = _why(error, folder)
     seconds = time.perf_counter() - start
     return Outcome(person, "failed", reason, seconds=seconds)
+
+
+def _why(error: Exception, folder: str) -> str:
+    """What stopped a person, in a sentence."""
+    if for_want_of_memory(error):
+        return too_little(folder, held_to())
+    if isinstance(error, ReconstructionError):
+        return str(error)
+    # A fault of ours in one folder must not stop the other people.
+    logger.error("batch: %s", folder, exc_info=error)
+    return f"{folder}: unexpected {type(error).__name__}: {error}"
 
 
 def _check_wanted(wanted: Sequence[str]) -> None:
@@ -196,33 +221,36 @@ def _on_executor(executor: Executor, jobs: dict[str, tuple]) -> Iterator[Outcome
             future.cancel()
 
 
-def _on_processes(jobs: dict[str, tuple], workers: int) -> Iterator[Outcome]:
+def _on_processes(
+    jobs: dict[str, tuple], workers: int, memory: int | None = None
+) -> Iterator[Outcome]:
     """Outcomes from processes here, which may die without stopping the rest."""
     waiting = dict(jobs)
     with _single_threaded():
         while waiting:
-            for outcome in _one_pool(waiting, workers):
+            for outcome in _one_pool(waiting, workers, memory):
                 waiting.pop(outcome.person)
                 yield outcome
             # Left over: a worker died. It was one of the first in line; take these
             # alone, so that the next death has a name.
             for name in list(waiting)[: 2 * workers + 1]:
-                outcomes = list(_one_pool({name: waiting[name]}, 1))
-                reason = (
-                    f"{waiting[name][0]}: the process ended abruptly, most likely for "
-                    "lack of memory; use fewer workers or smaller photos."
-                )
+                outcomes = list(_one_pool({name: waiting[name]}, 1, memory))
+                reason = ended_abruptly(waiting[name][0], memory)
                 waiting.pop(name)
                 yield outcomes[0] if outcomes else Outcome(name, "failed", reason)
 
 
-def _one_pool(jobs: dict[str, tuple], workers: int) -> Iterator[Outcome]:
+def _one_pool(
+    jobs: dict[str, tuple], workers: int, memory: int | None
+) -> Iterator[Outcome]:
     """Outcomes of one pool until all are done or one of its processes dies."""
     # A fresh interpreter for every person: nothing is inherited, all memory returns.
     pool = ProcessPoolExecutor(
         min(workers, len(jobs)),
         mp_context=multiprocessing.get_context("spawn"),
         max_tasks_per_child=1,
+        initializer=limit_memory,
+        initargs=(memory,),
     )
     try:
         futures = {pool.submit(run_person, *job): name for name, job in jobs.items()}
@@ -268,6 +296,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("people", help="folder with one sub-folder of photos a person")
     p.add_argument("out", help="folder for the results")
     p.add_argument("--workers", type=int, default=2, help="processes here, default 2")
+    p.add_argument(
+        "--memory", metavar="SIZE", help="most memory a worker, such as 2G (Linux)"
+    )
     p.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler instead")
     p.add_argument(
         "--write",
@@ -299,6 +330,7 @@ def main(argv: Sequence[str], settings: Settings | None = None) -> int:
     try:
         if options.set or settings is None:
             settings = parse_settings(options.set)
+        memory = parse_memory(options.memory) if options.memory else None
     except ValueError as error:
         sys.stderr.write(f"bsface: {error}\n")
         return 2
@@ -315,6 +347,7 @@ def main(argv: Sequence[str], settings: Settings | None = None) -> int:
                 wanted=options.write or WANTED,
                 workers=options.workers,
                 executor=executor,
+                memory=memory,
                 told=told,
             )
     except ReconstructionError as error:

@@ -4,6 +4,7 @@ import concurrent.futures
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import time
 
 import pytest
 from bsface.errors import ReconstructionError
-from bsface.output import batch, batch_record
+from bsface.output import batch, batch_memory, batch_record
 from bsface.settings import Settings
 from fake_face import person_folder
 
@@ -154,6 +155,48 @@ class _Bomb:
 
     def __reduce__(self):
         return os._exit, (9,)
+
+
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="memory is limited on Linux only"
+)
+def test_want_of_memory_costs_only_its_person(people, tmp_path):
+    crowd = tmp_path / "crowd"
+    shutil.copytree(people / "ann", crowd / "ann")
+    (crowd / "big").mkdir()
+    # 96 megapixels that take no room on the disk but 288 MB in memory
+    with (crowd / "big" / "a.pgm").open("wb") as file:
+        start = file.write(b"P5\n12000 8000\n255\n")
+        file.truncate(start + 96_000_000)
+    outcomes = batch.run_batch(
+        crowd, tmp_path / "out", QUICK, wanted=WANTED, memory=batch_memory.LEAST
+    )
+    found = {o.person: o for o in outcomes}
+    assert found["ann"].status == "done" and found["big"].status == "failed"
+    reason = found["big"].reason
+    assert str(crowd / "big") in reason and "0.3 GB" in reason and "--memory" in reason
+    assert reason in (tmp_path / "out" / "summary.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    "text, size",
+    [("2G", 2e9), ("1.5 GB", 1.5e9), ("800m", 8e8), ("512000000", 512e6)],
+)
+def test_sizes_of_memory(text, size):
+    assert batch_memory.parse_memory(text) == size
+
+
+def test_limits_of_memory_that_cannot_be_held(people, tmp_path, capsys):
+    for text in ("", "much", "-1G", "2X"):
+        with pytest.raises(ValueError, match="2G"):
+            batch_memory.parse_memory(text)
+    assert batch.main([str(people), str(tmp_path), "--memory", "much"]) == 2
+    assert "is no size" in capsys.readouterr().err
+    with pytest.raises(ReconstructionError, match="too low|on Linux only"):
+        batch.run_batch(people, tmp_path, memory=10**6)
+    with InThisProcess() as executor, pytest.raises(ReconstructionError):
+        batch.run_batch(people, tmp_path, memory=10**9, executor=executor)
+    assert batch.main([str(people), str(tmp_path), "--memory", "1M"]) == 1
 
 
 def test_dask_cluster_gives_the_same_files(people, whole, tmp_path):
