@@ -25,6 +25,7 @@ from .solve.track import KnownFace, find_again, know
 from .solve.track_shading import ShadingOptions, Skin, find_by_shading, skin
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
+from .threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
@@ -75,6 +76,7 @@ class Tracking:
     failures: tuple[PhotoFailure, ...]
 
 
+@one_blas_thread()
 def track(
     photos: str | os.PathLike | np.ndarray | Sequence,
     face: Reconstruction | SavedFace,

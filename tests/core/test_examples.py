@@ -107,3 +107,10 @@ def test_algorithm_step_by_step(photos, tmp_path):
     states = run(9, photos, tmp_path)
     assert [s.stage for s in states][-1] == "outer"
     assert all(np.isfinite(s.surface.control_points).all() for s in states)
+
+
+def test_track_new_photo(photos, tmp_path):
+    found, face = run(10, photos, tmp_path)
+    assert found.name == CHOSEN[-1] and found.residual_mm < 5
+    assert found.surface.shape == face.surface.shape
+    assert {"known.npz", "tracked.png"} <= {p.name for p in tmp_path.iterdir()}
