@@ -13,7 +13,15 @@ import math
 import bpy
 from mathutils import Quaternion, Vector
 
-from . import cameras, face_file, lights, material, rig, surface_object
+from . import (
+    cameras,
+    face_file,
+    lights,
+    material,
+    photo_expression,
+    rig,
+    surface_object,
+)
 
 # Custom properties of the face object; JSON texts, so that they read the same in
 # every version and outside Blender.
@@ -22,8 +30,10 @@ SETTINGS = "bsface_settings"
 REPORT = "bsface_report"
 PHOTOS = "bsface_photos"
 WARNINGS = "bsface_warnings"
-# On the window manager: the light of the solid views before a map without light.
+# On the window manager: light of the solid views before a map was shown.
 LIGHT = "bsface_light"
+# Blender's light for painting; its default light leaves a skin dark.
+SKIN_LIGHT = ("STUDIO", "paint.sl")
 FRONT_VIEW = Quaternion((math.sqrt(0.5), math.sqrt(0.5), 0, 0))
 _KINDS = (
     "objects",
@@ -214,6 +224,7 @@ def _write_facts(face, result):
         [{"name": p.name, "path": p.path, "size": p.size} for p in result.photos]
     )
     face_file.keep(face, result)
+    photo_expression.keep(face, result)
 
 
 def _collection(context, face):
@@ -253,6 +264,9 @@ def _replace(context, face, old):
     _remove(old)
     if through in new:
         context.scene.camera = new[through]
+        photo_expression.show(face, through[1])
+    else:
+        photo_expression.hide(face)
     for obj in new.values():
         obj.name = obj.data.name = _child_name(face, obj)
 
@@ -310,11 +324,10 @@ def _middle(obj):
 
 def show(context, face):
     """Bring a new face and its texture into sight in the window's 3D views."""
+    light_views(context, material.shown(face))
     for area in context.window.screen.areas:
         if area.type != "VIEW_3D":
             continue
-        if area.spaces.active.shading.type == "SOLID":
-            area.spaces.active.shading.color_type = "TEXTURE"
         view = area.spaces.active.region_3d
         view.view_rotation = face.matrix_world.to_quaternion()
         if view.view_perspective == "CAMERA":
@@ -324,10 +337,10 @@ def show(context, face):
             bpy.ops.view3d.view_selected()
 
 
-def light_views(context, lit):
-    """Let the maps show in solid views: shaded, or their colours as they are.
+def light_views(context, kind):
+    """Let a map show in solid views: the skin bright, measured values as they are.
 
-    The kind of light that a view had comes back with the next lit map.
+    The light that a view had comes back with "PLAIN".
     """
     manager = context.window_manager
     for area in context.window.screen.areas if context.window else ():
@@ -335,13 +348,21 @@ def light_views(context, lit):
             continue
         shading = area.spaces.active.shading
         shading.color_type = "TEXTURE"
-        if not lit and shading.light != "FLAT":
-            manager[LIGHT] = shading.light
-            shading.light = "FLAT"
-        elif lit and LIGHT in manager:
-            shading.light = manager[LIGHT]
-    if lit and LIGHT in manager:
-        del manager[LIGHT]
+        if kind != "PLAIN":
+            if LIGHT not in manager:
+                manager[LIGHT] = [shading.light, shading.studio_light]
+            _light(shading, *(SKIN_LIGHT if material.is_lit(kind) else ("FLAT", "")))
+        elif LIGHT in manager:
+            _light(shading, *manager[LIGHT])
+    if kind == "PLAIN":
+        manager.pop(LIGHT, None)
+
+
+def _light(shading, light, name):
+    shading.light = light
+    # Which names there are depends on the light, and on what the user has installed.
+    with contextlib.suppress(TypeError):
+        shading.studio_light = name
 
 
 def present(context, face):
@@ -360,6 +381,7 @@ def present(context, face):
                 space.region_3d.view_distance = 3 * extent
                 space.region_3d.view_rotation = FRONT_VIEW
                 space.shading.color_type = "TEXTURE"
+                _light(space.shading, *SKIN_LIGHT)
     views = cameras.of_face(face)
     if views:
         # The most frontal photo: its camera's axis is nearest to the face's own.

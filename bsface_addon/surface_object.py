@@ -79,8 +79,9 @@ def write(context, obj, control_points):
     """Give ``obj`` new control points.
 
     With the same numbers of control points the coordinates are overwritten in
-    place (modifiers, materials and animation stay); otherwise the object gets new
-    curve data with the old materials and resolution, and its shape keys go.
+    place (modifiers, materials and animation stay, shape keys move along);
+    otherwise the object gets new curve data with the old materials and resolution,
+    and its shape keys go.
 
     Parameters
     ----------
@@ -159,6 +160,13 @@ def add_shape_key(obj, name, control_points):
     block.data.foreach_set("co", points.transpose(1, 0, 2).ravel())
     obj.data.update_tag()
     return block
+
+
+def remove_shape_keys(obj):
+    """Take all shape keys off; the basis is the surface's shape then."""
+    points = read(obj)
+    obj.shape_key_clear()
+    _store(obj, _checked(points))
 
 
 def set_resolution(obj, steps):
@@ -272,5 +280,16 @@ def _store(obj, points):
     homogeneous[..., :3] = stored
     curve.splines[0].points.foreach_set("co", homogeneous.ravel())
     if curve.shape_keys is not None:
-        curve.shape_keys.reference_key.data.foreach_set("co", stored.ravel())
+        _move_keys(curve.shape_keys, stored)
     curve.update_tag()
+
+
+def _move_keys(keys, stored):
+    """Give the basis key new points; the others keep their difference from it."""
+    before, block = np.empty((2, stored.size), np.float32)
+    keys.reference_key.data.foreach_get("co", before)
+    for key in keys.key_blocks:
+        if key != keys.reference_key:
+            key.data.foreach_get("co", block)
+            key.data.foreach_set("co", block + (stored.ravel() - before))
+    keys.reference_key.data.foreach_set("co", stored.ravel())

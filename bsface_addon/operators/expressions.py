@@ -85,8 +85,14 @@ class BSFACE_OT_expression_key(FaceOperator, LongOperator, bpy.types.Operator):
             state,
             tuple(photo_list.absolute(row) for row in rows),
             self.expression,
-            # All photos of the group show the expression: it is the shape itself.
-            {"control_points": surface_object.shape(face), "expressions": False},
+            {
+                "control_points": surface_object.shape(face),
+                # All photos of the group show the expression: it is the shape itself,
+                # and who it is is known.
+                "expressions": False,
+                "modes": 0.0,
+                "expression_modes": 1.0,
+            },
             start=face_file.surface(face),
             landmarks={r.name: known[r.name] for r in rows if r.name in known},
         )
@@ -95,9 +101,14 @@ class BSFACE_OT_expression_key(FaceOperator, LongOperator, bpy.types.Operator):
         face = scene.active_face(context)
         if face is None:
             raise ReconstructionError(messages.NO_FACE_OBJECT)
+        from ...core.solve.edited import expression_of
+        from ...core.surface.template import load_template
+
+        moved = expression_of(outcome.result.surface, request.start, load_template())
         with scene.all_or_nothing(context):
             scene.leave_edit_mode(context)
-            points = outcome.result.surface.control_points
+            # On the basis as it is now: the net may have been edited meanwhile.
+            points = surface_object.read(face) + moved
             surface_object.add_shape_key(face, self.expression, points)
         photo_list.take_reports(context.scene.bsface, outcome.result.reports)
         self.report({"INFO"}, messages.KEY.format(name=self.expression))

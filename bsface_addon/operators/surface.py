@@ -13,6 +13,7 @@ from .. import (
     material,
     mesh_copy,
     messages,
+    photo_expression,
     photo_list,
     pipeline,
     scene,
@@ -109,11 +110,12 @@ class BSFACE_OT_surface_resample(FaceOperator, bpy.types.Operator):
     def execute(self, context):
         face = scene.active_face(context)
         count = (self.control_points_u, self.control_points_v)
+        scene.leave_edit_mode(context)
+        photo_expression.hide(face)
         keys = face.data.shape_keys.key_blocks[1:] if face.data.shape_keys else []
         shapes = {key.name: face_file.surface(face, key.name) for key in keys}
         basis = face_file.surface(face).resampled(count).control_points
         with scene.all_or_nothing(context):
-            scene.leave_edit_mode(context)
             surface_object.write(context, face, basis)
             for name, shape in shapes.items():
                 points = shape.resampled(count).control_points
@@ -222,7 +224,7 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
             label = material.MAPS[self.kind][0]
             self.report({"ERROR"}, messages.NO_MAP.format(name=face.name, map=label))
             return {"CANCELLED"}
-        scene.light_views(context, material.is_lit(self.kind))
+        scene.light_views(context, self.kind)
         return {"FINISHED"}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from .. import cameras, lights, messages, scene
+from .. import cameras, lights, messages, photo_expression, scene
 from .surface import FaceOperator
 
 
@@ -52,6 +52,7 @@ class BSFACE_OT_view_photo(ViewOperator, bpy.types.Operator):
             start = views.index(now) if now in views else (-1 if step > 0 else 0)
             index = (start + step) % len(views)
         cameras.look_through(context, views[index])
+        photo_expression.show(scene.active_face(context), names[index])
         state = context.scene.bsface
         rows = [row.name for row in state.photos]
         if names[index] in rows:
@@ -68,6 +69,7 @@ class BSFACE_OT_view_leave(ViewOperator, bpy.types.Operator):
 
     def execute(self, context):
         cameras.leave_views(context)
+        photo_expression.hide(scene.active_face(context))
         return {"FINISHED"}
 
 

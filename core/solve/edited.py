@@ -22,6 +22,11 @@ Array = NDArray[np.float64]
 
 #: Standard deviation of a point that is held hard, mm.
 HARD_MM = 1e-3
+#: Distance at which a point of another expression counts half when faces are aligned.
+STILL_MM = 1.0
+#: Standard deviation of what two fits of the same face differ by, mm.
+DRIFT_MM = 0.5
+ROUNDS = 30
 
 
 def edited_template(surface: BSplineSurface, base: Template) -> Template:
@@ -93,3 +98,54 @@ def hold(
     A = Q * (variance / smooth_mm**2) + sparse.diags_array(weight)
     d = splu(sparse.csc_array(A)).solve(weight[:, None] * r)
     return BSplineSurface(surface.control_points + d.reshape(*shape, 3))
+
+
+def expression_of(
+    surface: BSplineSurface, calm: BSplineSurface, template: Template
+) -> Array:
+    """What of the way from a calm face to another fit of it is expression.
+
+    Two fits of one person differ in size, place and by their errors too. The similarity
+    in which most of one face lies on the other is taken out, by reweighting with Cauchy
+    weights; of the rest each control point keeps the part ``v / (v + s^2)``, where
+    ``v`` is the variance of the template's expressions there and ``s`` that of the
+    errors, `DRIFT_MM`: forehead and rim stay where they are.
+
+    Parameters
+    ----------
+    surface, calm : BSplineSurface
+        With the same net.
+    template : Template
+        Gives the expression modes; any net.
+
+    Returns
+    -------
+    (M, N, 3) array
+        Displacement of the control points of ``calm``.
+    """
+    if surface.shape != calm.shape:
+        raise ValueError(
+            f"the nets must have the same size, got {surface.shape} and {calm.shape}"
+        )
+    source, target = surface.vector, calm.vector
+    place = fit_similarity(source, target)
+    for _ in range(ROUNDS):
+        away = np.linalg.norm(place(source) - target, axis=1)
+        # From the median down to the final width, or a far start never settles.
+        width = max(STILL_MM, float(np.median(away)))
+        place = fit_similarity(source, target, 1 / (1 + (away / width) ** 2))
+    variance = _expression_variance(template, calm.shape)
+    share = variance / (variance + DRIFT_MM**2)
+    return share[..., None] * (place(source) - target).reshape(*calm.shape, 3)
+
+
+def _expression_variance(template: Template, shape: tuple[int, int]) -> Array:
+    """Variance of the expressions where each control point of a net acts, mm^2."""
+    # The outermost control points act on the border.
+    u, v = (np.clip((np.arange(n) - 1) / (n - 3), 0, 1) for n in shape)
+    at = np.stack(np.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
+    T = basis_matrix(template.surface.shape, *at.T)
+    found = np.zeros(len(at))
+    for mode in template.expression_modes:
+        found += ((T @ mode.reshape(-1, 3)) ** 2).sum(1)
+    return found.reshape(shape)

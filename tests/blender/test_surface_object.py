@@ -122,6 +122,18 @@ def test_shape_key_keeps_the_order_and_the_basis(empty_scene):
     assert np.abs(evaluated(obj) - expected).max() < 1e-3
 
 
+def test_shape_keys_move_along_with_the_basis(empty_scene):
+    points = face_like(6, 5)
+    obj = surface_object.create(bpy.context, "face", points)
+    surface_object.add_shape_key(obj, "Smile", points + (0, 2, 1))
+    surface_object.write(bpy.context, obj, points * 1.1)
+    smile = surface_object.read(obj, "Smile")
+    np.testing.assert_allclose(smile, points * 1.1 + (0, 2, 1), atol=1e-4)
+    surface_object.remove_shape_keys(obj)
+    assert obj.data.shape_keys is None
+    np.testing.assert_allclose(surface_object.read(obj), points * 1.1, atol=1e-4)
+
+
 def test_creation_restores_active_object_selection_and_mode(empty_scene):
     mesh = bpy.data.meshes.new("other")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])

@@ -1,12 +1,18 @@
 """What the 3D views show: nothing in the way, maps as they are, the view given back."""
 
+import dataclasses
+
 import bpy
+import numpy as np
 import pytest
+from blender import faces
 from blender.checkout import load
 
 scene = load("bsface_addon.scene")
 editor = load("bsface_addon.landmark_editor")
 cameras = load("bsface_addon.cameras")
+photo_expression = load("bsface_addon.photo_expression")
+surface_object = load("bsface_addon.surface_object")
 
 
 @pytest.fixture
@@ -47,12 +53,17 @@ def test_maps_without_light_and_back(face):
         pytest.skip("this build of Blender has no 3D view")
     for shading in views:
         shading.type, shading.light = "SOLID", "MATCAP"
+        matcap = shading.studio_light
     for kind in ("NORMALS", "NORMALS"):
         bpy.ops.bsface.surface_map(kind=kind)
         assert {s.light for s in views} == {"FLAT"}
         assert {s.color_type for s in views} == {"TEXTURE"}
+    material = load("bsface_addon.material")
+    material.store_map(face, "SKIN", np.full((4, 4, 3), 0.5))
+    bpy.ops.bsface.surface_map(kind="SKIN")
+    assert {(s.light, s.studio_light) for s in views} == {("STUDIO", "paint.sl")}
     bpy.ops.bsface.surface_map(kind="PLAIN")
-    assert {s.light for s in views} == {"MATCAP"}
+    assert {(s.light, s.studio_light) for s in views} == {("MATCAP", matcap)}
 
 
 def test_the_landmark_editor_gives_the_view_back(face):
@@ -132,3 +143,67 @@ def test_removing_the_face_leaves_its_cameras(face):
     assert (render.resolution_x, render.resolution_y) == (640, 360)
     for view in cameras.views(bpy.context):
         assert view.view_perspective == "PERSP"
+
+
+@pytest.fixture
+def mixed(addon, tmp_path):
+    """A face whose first photo is calm and whose others are not; their surfaces."""
+    template = load("core.surface.template").load_template()
+    count = len(template.expression_modes)
+    mixtures = np.random.default_rng(0).normal(size=(3, count))
+    mixtures[0] = 0
+    result = dataclasses.replace(
+        faces.reconstruction(tmp_path / "photos"), expressions=mixtures
+    )
+    face = scene.place(bpy.context, result, "Ann")
+    know = load("core.solve.track").know
+    known = know(result.surface, template.resampled(result.surface.shape))
+    return face, [known.with_expression(e) for e in mixtures]
+
+
+def drawn(face, steps):
+    """The surface as Blender shows it, on a grid."""
+    surface_object.set_resolution(face, steps)
+    found = face.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    return np.array([vertex.co for vertex in found.vertices])
+
+
+def test_a_photo_shows_its_own_expression_and_the_calm_face_comes_back(mixed):
+    face, surfaces = mixed
+    calm = surface_object.read(face)
+    for name, surface in zip(("0.png", "1.png", "2.png"), surfaces, strict=True):
+        bpy.ops.bsface.view_photo(direction="NAMED", photo=name)
+        m, n = surface_object.shape(face)
+        expected = surface.grid(2 * m, 2 * n).reshape(-1, 3)
+        np.testing.assert_allclose(drawn(face, 2), expected, atol=1e-3)
+        np.testing.assert_array_equal(surface_object.read(face), calm)
+    bpy.ops.bsface.view_leave()
+    assert face.data.shape_keys is None
+    np.testing.assert_array_equal(surface_object.read(face), calm)
+
+
+def test_the_net_can_be_edited_through_a_camera(mixed):
+    face, _ = mixed
+    calm = surface_object.read(face)
+    bpy.ops.bsface.view_photo(direction="NAMED", photo="2.png")
+    bpy.ops.bsface.surface_net()
+    bpy.ops.curve.select_all(action="SELECT")
+    bpy.ops.transform.translate(value=(0, 0, 0.004))
+    bpy.ops.bsface.view_photo(direction="NAMED", photo="1.png")
+    assert face.mode == "EDIT"
+    bpy.ops.bsface.view_leave()
+    bpy.ops.bsface.surface_net()
+    # Blender's z is the face's y; the photo's key is off, what was edited stays.
+    moved = surface_object.read(face) - calm
+    np.testing.assert_allclose(moved, np.full_like(calm, (0, 4, 0)), atol=1e-3)
+    assert face.data.shape_keys.key_blocks[photo_expression.KEY].value == 0
+    bpy.ops.bsface.surface_resample(control_points_u=12, control_points_v=12)
+    assert face.data.shape_keys is None
+
+
+def test_a_run_over_photos_that_agree_forgets_the_expressions(mixed, tmp_path):
+    face, _ = mixed
+    bpy.ops.bsface.view_photo(direction="NAMED", photo="2.png")
+    result = faces.reconstruction(tmp_path / "photos")
+    scene.place(bpy.context, result, "", face=face)
+    assert face.data.shape_keys is None and photo_expression.STORED not in face

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bsface.solve.edited import edited_template, hold
+from bsface.solve.edited import edited_template, expression_of, hold
 from bsface.surface.template import load_template
 from scipy.spatial.transform import Rotation
 
@@ -90,3 +90,34 @@ def test_wrong_shapes_are_refused(template):
     target, held = edit(template)
     with pytest.raises(ValueError, match="shape of the net"):
         hold(template.surface, target, held[1:])
+
+
+def test_the_same_face_in_another_place_has_no_expression(template):
+    R = Rotation.from_euler("yxz", [4, -3, 2], degrees=True).as_matrix()
+    moved = template.surface.transformed(1.02, R, [3, -2, 5])
+    np.testing.assert_allclose(
+        expression_of(moved, template.surface, template), 0, atol=1e-6
+    )
+
+
+def test_an_expression_is_found_again_and_the_rest_stays(template):
+    """Known expression, small similarity, and errors where no expression reaches."""
+    calm = template.surface
+    e = template.expression_modes[0].reshape(*calm.shape, 3)
+    e = e * (6 / np.linalg.norm(e, axis=2).max())
+    drift = np.zeros(calm.shape)
+    drift[:, 0] = 3.0  # hairline
+    face = type(calm)(calm.control_points + e + drift[..., None])
+    R = Rotation.from_euler("yxz", [3, -2, 1], degrees=True).as_matrix()
+    found = expression_of(face.transformed(0.99, R, [2, 1, -4]), calm, template)
+    strong = np.linalg.norm(e, axis=2) > 3
+    assert strong.sum() > 5
+    strong[[0, -1]] = strong[:, [0, -1]] = False
+    assert np.linalg.norm(found - e, axis=2)[strong].max() < 0.15 * 6
+    assert np.abs(found[:, 0]).max() < 0.1 * 3
+    assert np.median(np.abs(found[:, 0])) < 0.01
+
+
+def test_expressions_of_other_nets_are_refused(template):
+    with pytest.raises(ValueError, match="same size"):
+        expression_of(template.surface.resampled((12, 14)), template.surface, template)
