@@ -35,12 +35,19 @@ MEASURES = (
 
 def main() -> None:
     """Fill every table whose CSV file is there."""
-    text = PAGE.read_text("utf-8")
-    for name, (file, make) in TABLES.items():
+    fill(PAGE, TABLES)
+
+
+def fill(
+    page: Path, tables: Mapping[str, tuple[str, Callable[[list[Row]], str]]]
+) -> None:
+    """Rewrite the tables of a page: name -> file below ``out/`` and what makes it."""
+    text = page.read_text("utf-8")
+    for name, (file, make) in tables.items():
         path = OUT / file
         marks = re.compile(rf"(<!-- table {name} -->\n).*?(<!-- end -->)", re.DOTALL)
         if not marks.search(text):
-            print(f"docs/accuracy.md has no place for the table {name}")
+            print(f"{page.relative_to(ROOT)} has no place for the table {name}")
         elif not path.is_file():
             print(f"{name}: {path.relative_to(ROOT)} is not there, left as it is")
         else:
@@ -48,7 +55,7 @@ def main() -> None:
                 table = make(list(csv.DictReader(handle)))
             text = marks.sub(lambda m, t=table: f"{m[1]}{t}\n{m[2]}", text)
             print(f"{name}: from {path.relative_to(ROOT)}")
-    PAGE.write_text(text, "utf-8")
+    page.write_text(text, "utf-8")
 
 
 def markdown(

@@ -7,11 +7,12 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 from bsface.evidence.camera import Camera
 from bsface.evidence.landmarks import Landmarks
-from bsface.output.pictures import colour_map
+from bsface.output.pictures import colour_map, write_png
 from bsface.settings import Settings
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
@@ -28,7 +29,9 @@ _methods = importlib.import_module("_methods")
 _page = importlib.import_module("_page")
 _reliability = importlib.import_module("_reliability")
 _sets = importlib.import_module("_sets")
+_speed_worker = importlib.import_module("_speed_worker")
 _table = importlib.import_module("_table")
+speed = importlib.import_module("speed")
 
 
 @pytest.fixture(scope="module")
@@ -287,3 +290,44 @@ def test_pose_of_an_exact_picture_is_found(template):
     assert found.s == pytest.approx(1.7, rel=1e-6)
     away = _compare.held_out_residual(Q, marks, (400, 300), np.ones(468), 100, 1200.0)
     assert away < 1e-5
+
+
+def test_stages_end_when_they_were_last_heard_of():
+    ticks = iter((float(k), 10.0 * k) for k in range(9))
+    times = _speed_worker.StageTimes(lambda: next(ticks))
+    for stage in ("photos", "landmarks", "landmarks", "refine", "output"):
+        times(SimpleNamespace(stage=stage))
+    assert times.rows() == [
+        {"stage": "landmarks", "cpu": 3.0, "wall": 30.0},
+        {"stage": "refine", "cpu": 1.0, "wall": 10.0},
+        {"stage": "output", "cpu": 1.0, "wall": 10.0},
+    ]
+
+
+def test_own_time_is_without_that_of_other_functions_of_the_library():
+    """a() calls b() directly and c() through a list comprehension and NumPy."""
+    a, b, c = (("/lib/x.py", k, name) for k, name in enumerate("abc"))
+    loop, numpy = ("/lib/x.py", 9, "<listcomp>"), ("/numpy.py", 1, "dot")
+    calls = (1, 1)
+    stats = SimpleNamespace(
+        stats={
+            a: (*calls, 1.0, 10.0, {}),
+            b: (*calls, 2.0, 2.0, {a: (*calls, 2.0, 2.0)}),
+            loop: (*calls, 0.5, 5.0, {a: (*calls, 0.5, 5.0)}),
+            # half of dot's time is on behalf of the comprehension
+            numpy: (2, 2, 4.0, 6.0, {loop: (*calls, 2.0, 3.0), a: (*calls, 2.0, 3.0)}),
+            c: (*calls, 2.0, 2.0, {numpy: (*calls, 2.0, 2.0)}),
+        }
+    )
+    own = {r["stage"]: r["cpu"] for r in _speed_worker.own_times(stats, "/lib")}
+    assert own == {"x.py: a": 10 - 2 - 2, "x.py: b": 2.0, "x.py: c": 2.0}
+
+
+def test_photos_that_are_used_twice_are_not_the_same(tmp_path):
+    picture = np.random.default_rng(0).integers(0, 255, (40, 60, 3), np.uint8)
+    write_png(tmp_path / "a.png", picture)
+    made = speed.photo_folder(tmp_path / "made", [tmp_path / "a.png"], 3, 0.01)
+    found = [cv2.imread(str(path)) for path in sorted(made.iterdir())]
+    assert len({image.tobytes() for image in found}) == 3
+    for image in found:
+        assert abs(image.shape[0] * image.shape[1] - 10_000) < 300
