@@ -120,16 +120,18 @@ def solve(request, progress=None):
         By ``progress``.
     """
     from ..core.reconstruct import reconstruct
-    from ..core.solve.edited import edited_template, hold
+    from ..core.solve.edited import Held, edited_template, hold
     from ..core.surface.template import load_template
 
     def tell(step):
         if progress is not None:
             progress(replace(step, overall=step.overall * SOLVE_SHARE))
 
-    template = None
+    template = held = None
     if request.start is not None:
         template = edited_template(request.start, load_template())
+    if request.held is not None:
+        held = Held(request.held, request.softness_mm)
     result = reconstruct(
         request.photos,
         request.settings,
@@ -137,13 +139,15 @@ def solve(request, progress=None):
         progress=tell,
         ignore=request.ignore,
         landmarks=request.landmarks or None,
+        held=held,
     )
-    if request.held is not None:
+    if held is not None:
+        # Size and place of the result are its own; the held points' are the object's.
         surface = hold(
             result.surface,
             request.start.control_points,
-            request.held,
-            request.softness_mm,
+            held.points,
+            held.softness_mm,
             request.settings.smooth_mm,
             request.settings.smooth_length,
         )

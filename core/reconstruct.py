@@ -28,10 +28,11 @@ from .result import PhotoReport, Reconstruction
 from .settings import Settings
 from .solve.bundle import Bundle, BundleOptions, Observations, adjust
 from .solve.classic import run_imls
-from .solve.edited import edited_template
+from .solve.edited import Held, edited_template, hold
 from .solve.expression import expression_moves, settle_expressions
 from .solve.frame import head_frame
 from .solve.joint import JointOptions, Level, refine
+from .solve.track import know
 from .surface.bspline import BSplineSurface
 from .surface.prior import shape_prior
 from .surface.template import Template, load_template
@@ -58,6 +59,7 @@ def reconstruct(
     progress: Progress | None = None,
     ignore: Sequence[str] = (),
     landmarks: Mapping[str, Landmarks] | None = None,
+    held: Held | None = None,
 ) -> Reconstruction:
     """Reconstruct a face from photos of one person.
 
@@ -74,6 +76,8 @@ def reconstruct(
         Names of photos that are not to be used.
     landmarks : mapping of photo name to Landmarks, optional
         Win over files and over the detector.
+    held : Held, optional
+        Control points of the template that stay; not for the classic methods.
 
     Returns
     -------
@@ -100,7 +104,7 @@ def reconstruct(
             ignore=ignore,
         )
         clock.lap("landmarks")
-        return solve(gathered, settings, model, clock)
+        return solve(gathered, settings, model, clock, held)
 
 
 @contextlib.contextmanager
@@ -122,6 +126,7 @@ def solve(
     settings: Settings,
     template: Template,
     clock: _Clock | None = None,
+    held: Held | None = None,
 ) -> Reconstruction:
     """The reconstruction from photos whose landmarks are known."""
     clock = clock or _Clock(None)
@@ -150,9 +155,10 @@ def solve(
         shown, evidence = _classic(gathered, template, seen, settings, bundle, progress)
     elif method == "motion" or len(gathered.photos) < FEWEST_FOR_SHADING:
         shown, _ = settle_expressions(bundle, template, seen)
+        shown = _holding(shown, template, settings, held)
     else:
         shown, evidence, deviation = _joint(
-            gathered, template, prior, seen, bundle, settings, progress
+            gathered, template, prior, seen, bundle, settings, progress, held
         )
     clock.lap("refine")
     result = Reconstruction(
@@ -223,13 +229,35 @@ def joint_options(settings: Settings) -> JointOptions:
     )
 
 
-def _joint(gathered, template, prior, seen, bundle: Bundle, settings, progress):
+def _holding(bundle: Bundle, template, settings, held: Held | None) -> Bundle:
+    """The bundle with held control points near where the template has them."""
+    if held is None or not held.points.any():
+        return bundle
+    surface = hold(
+        bundle.surface,
+        template.surface.control_points,
+        held.points,
+        held.softness_mm,
+        settings.smooth_mm,
+        settings.smooth_length,
+    )
+    moved = surface.vector - bundle.surface.vector
+    return replace(bundle, surface=surface, smooth=bundle.smooth + moved)
+
+
+def _joint(
+    gathered, template, prior, seen, bundle: Bundle, settings, progress, held=None
+):
     options = joint_options(settings)
     total = sum(level.iterations for level in options.levels)
     bundle, weights = settle_expressions(bundle, template, seen)
+    bundle = _holding(bundle, template, settings, held)
+    kept = None if held is None else held.weight
     state = None
     for k, state in enumerate(
-        refine(template, prior, bundle, gathered.photos, seen, options, weights)
+        refine(
+            template, prior, bundle, gathered.photos, seen, options, weights, held=kept
+        )
     ):
         progress.history.append(
             {"stage": "refine", "residual": state.residual, "step_mm": state.step_mm}
@@ -237,9 +265,15 @@ def _joint(gathered, template, prior, seen, bundle: Bundle, settings, progress):
         message = f"largest step {state.step_mm:.2f} mm"
         progress.clock.tell("refine", k + 1, total, message)
     assert state is not None
-    uv = template.landmark_uv[seen.index]
-    moved = bundle.structure + state.surface.evaluate(*uv.T)
-    moved -= bundle.surface.evaluate(*uv.T)
+    # Where the landmarks sit on this face, seen from where the cameras are now.
+    known = know(
+        state.surface,
+        template,
+        state.cameras,
+        seen,
+        bundle_options(settings),
+        bundle.expressions,
+    )
     deviation = None
     if state.deviation is not None:
         mixed = bool(bundle.expressions.any())
@@ -247,7 +281,10 @@ def _joint(gathered, template, prior, seen, bundle: Bundle, settings, progress):
         deviation = np.hypot(state.deviation, floor)
         deviation = deviation.reshape(template.surface.shape)
     shown = replace(
-        bundle, surface=state.surface, cameras=state.cameras, structure=moved
+        bundle,
+        surface=state.surface,
+        cameras=state.cameras,
+        structure=known.marks,
     )
     return shown, state.evidence(), deviation
 

@@ -6,7 +6,7 @@ person placed can be held: softly, as observations with a standard deviation, or
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,27 @@ STILL_MM = 1.0
 #: Standard deviation of what two fits of the same face differ by, mm.
 DRIFT_MM = 0.5
 ROUNDS = 30
+
+
+@dataclass(frozen=True)
+class Held:
+    """Control points of the template that a run has to keep.
+
+    Attributes
+    ----------
+    points : (M, N) bool array
+        Of the template's net.
+    softness_mm : float
+        Standard deviation of their places; 0 holds them hard.
+    """
+
+    points: NDArray[np.bool_]
+    softness_mm: float = 0.0
+
+    @property
+    def weight(self) -> Array:
+        """Inverse variance of each control point, 1/mm^2, ``(M*N,)``; 0 = free."""
+        return self.points.ravel() / max(self.softness_mm, HARD_MM) ** 2
 
 
 def edited_template(surface: BSplineSurface, base: Template) -> Template:
@@ -93,7 +114,7 @@ def hold(
     Q = bending_matrix(shape) + smooth_length**-4 * mass_matrix(shape)
     middle = basis_matrix(shape, [0.5], [0.5]).toarray()[0]
     variance = middle @ splu(sparse.csc_array(Q)).solve(middle)
-    weight = held.ravel() / max(softness_mm, HARD_MM) ** 2
+    weight = Held(held, softness_mm).weight
     r = (np.asarray(target, float) - surface.control_points).reshape(-1, 3)
     A = Q * (variance / smooth_mm**2) + sparse.diags_array(weight)
     d = splu(sparse.csc_array(A)).solve(weight[:, None] * r)

@@ -40,6 +40,7 @@ from ..surface.template import Template
 from .bundle import Bundle, Observations
 from .joint_system import (
     Blocks,
+    add_held,
     add_landmarks,
     contravariant,
     normal_equations,
@@ -176,6 +177,7 @@ def refine(
     seen: Observations,
     options: JointOptions = JointOptions(),  # noqa: B008 (frozen)
     photo_weights: Array | None = None,
+    held: Array | None = None,
 ) -> Iterator[JointState]:
     """Iterate the joint system from a motion result.
 
@@ -192,6 +194,9 @@ def refine(
     options : JointOptions
     photo_weights : (n,) array, optional
         How much each photo counts.
+    held : (M*N,) array, optional
+        Inverse variance (1/mm^2) of control points that belong where the template has
+        them; 0 for free ones.
 
     Yields
     ------
@@ -214,6 +219,8 @@ def refine(
     # the prior holds the whole displacement from the template, so what the start
     # already has counts too
     before = ((start.smooth * directions).sum(1), start.modes)
+    home = template.surface.vector - reference.vector
+    home = (home * directions).sum(1)
     x = _Unknowns(
         np.zeros(len(D)),
         np.zeros(D.shape[1]),
@@ -252,6 +259,8 @@ def refine(
                 options.landmark_mm, options.landmark_weight,
             )  # fmt: skip
             _add_photo_priors(blocks, x.cameras, options)
+            if held is not None:
+                add_held(blocks, held, home - (x.d + D @ x.a))
             dd, da, step, deviation = solve_bordered(
                 blocks, prior.smooth, shape, D, x.d + before[0], x.a + before[1]
             )

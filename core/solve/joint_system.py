@@ -206,6 +206,22 @@ def add_landmarks(
     S.append(upright @ sparse.diags_array(total) @ T)
 
 
+def add_held(blocks: Blocks, weight: Array, away: Array) -> None:
+    """Add control points that a person placed, in place.
+
+    Parameters
+    ----------
+    blocks : Blocks
+    weight : (M*N,) array
+        Inverse variance of their displacement, 1/mm^2; 0 for free ones.
+    away : (M*N,) array
+        Displacement that would bring them to their places, mm.
+    """
+    S, gd, *_ = blocks
+    S.append(sparse.csr_array(sparse.diags_array(weight)))
+    gd += weight * away
+
+
 def solve_bordered(
     blocks: Blocks,
     smooth: sparse.csr_array,

@@ -91,6 +91,7 @@ def know(
     cameras: Sequence[Camera] = (),
     seen: Observations | None = None,
     options: BundleOptions = BundleOptions(),  # noqa: B008 (frozen)
+    expressions: Array | None = None,
 ) -> KnownFace:
     """Make a face ready to be found again.
 
@@ -104,6 +105,8 @@ def know(
         this face. Without them they sit as on the template.
     options : BundleOptions
         Standard deviations.
+    expressions : (n, k) array, optional
+        Mixture of the expression modes in each of those photos.
     """
     reliable = template.landmark_reliable
     index = np.flatnonzero(reliable) if seen is None else seen.index
@@ -114,11 +117,16 @@ def know(
     raised = template.landmark_xyz[index] - template.surface.evaluate(*uv.T)
     marks = T @ surface.vector + size * raised
     normals = surface.normals(*uv.T)
-    if seen is not None and len(cameras):
-        offset = size * options.offset_mm
-        marks = _personal(marks, normals, cameras, seen, sigma, offset, options.robust)
     modes = options.expression * size * template.expression_modes
     moves = [T @ mode.reshape(-1, 3) for mode in modes]
+    if seen is not None and len(cameras):
+        offset = size * options.offset_mm
+        away = np.zeros((len(cameras), *marks.shape))
+        if expressions is not None and np.any(expressions):
+            away = np.einsum("ik,klx->ilx", expressions, size * _at(T, template))
+        marks = _personal(
+            marks, away, normals, cameras, seen, sigma, offset, options.robust
+        )
     return KnownFace(
         surface,
         index,
@@ -210,14 +218,22 @@ def normal_equations(
     return A, np.einsum("lxa,l,lx->a", own, w, r), size
 
 
-def _personal(marks, normals, cameras, seen, sigma, offset_mm, robust) -> Array:
-    """Landmarks where the photos saw them, held near where the template has them."""
+def _at(T, template: Template) -> Array:
+    """The expression modes at points of the template, (k, f, 3)."""
+    return np.stack([T @ mode.reshape(-1, 3) for mode in template.expression_modes])
+
+
+def _personal(marks, away, normals, cameras, seen, sigma, offset_mm, robust) -> Array:
+    """Landmarks where the photos saw them, held near where the template has them.
+
+    ``away`` (n, f, 3) is how far the expression of each photo moves them.
+    """
     start, marks = marks, marks.copy()
     for _ in range(5):
         A = np.tile(np.eye(3) / offset_mm**2, (len(marks), 1, 1))
         b = (start - marks) / offset_mm**2
         for i, camera in enumerate(cameras):
-            p, J, _ = camera.jacobians(marks)
+            p, J, _ = camera.jacobians(marks + away[i])
             r, J = (seen.pixels[i] - p) / camera.s, J / camera.s
             w = seen.weight[i] * _facing(camera, marks, normals) / sigma**2
             w = w / (1 + (r**2).sum(1) / (robust * sigma) ** 2)

@@ -6,10 +6,14 @@ import bpy
 import numpy as np
 import pytest
 from blender.checkout import ROOT, load
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Vector
 
 scene = load("bsface_addon.scene")
 cameras = load("bsface_addon.cameras")
+face_file = load("bsface_addon.face_file")
 material = load("bsface_addon.material")
+photo_list = load("bsface_addon.photo_list")
 surface_object = load("bsface_addon.surface_object")
 face_models = load("core.evidence.face_models")
 errors = load("core.errors")
@@ -27,6 +31,32 @@ def photos(tmp_path):
     return str(tmp_path)
 
 
+def reprojection(face):
+    """Median way from detected landmarks to the surface in Blender's camera views.
+
+    Over all photos and the landmarks that the camera sees, in % of the eye distance.
+    """
+    template = load("core.surface.template").load_template()
+    surface, saved = face_file.surface(face), face_file.saved(face)
+    uv = template.landmark_uv
+    world = [face.matrix_world @ Vector(q) for q in surface.evaluate(*uv.T)]
+    normals = surface.normals(*uv.T)
+    rows = {row.name: row for row in bpy.context.scene.bsface.photos}
+    ways = []
+    views = {view[cameras.PHOTO_KEY]: view for view in cameras.of_face(face)}
+    for name, core in zip(saved.camera_photos, saved.cameras, strict=True):
+        cameras.look_through(bpy.context, views[name])
+        bpy.context.view_layer.update()
+        width, height = views[name][cameras.SIZE_KEY]
+        at = [world_to_camera_view(bpy.context.scene, views[name], q) for q in world]
+        pixels = [(p.x * width - 0.5, (1 - p.y) * height - 0.5) for p in at]
+        facing = (core.toward(surface.evaluate(*uv.T)) * normals).sum(1) > 0.1
+        way = np.array(pixels) - photo_list.landmarks(rows[name]).points
+        size = np.linalg.norm(way, axis=1) / (core.s * 62.0)
+        ways.append(size[facing & template.landmark_reliable])
+    return 100 * float(np.median(np.concatenate(ways)))
+
+
 def test_reconstruct_edit_and_refit(addon, photos):
     bpy.context.scene.bsface.texture_size = "512"
     settings = '{"method": "motion"}'
@@ -39,6 +69,7 @@ def test_reconstruct_edit_and_refit(addon, photos):
     assert all(row.landmarks for row in state.photos)
     assert len(cameras.of_face(face)) == 5
     assert {"SKIN", "PHOTO", "NORMALS"} <= set(material.stored_kinds(face))
+    assert reprojection(face) < 2.0
     width = np.ptp(surface_object.read(face)[..., 0])
     assert 120 < width < 260
     # The artist pulls one control point out by 4 mm and refits.

@@ -568,6 +568,32 @@ def test_no_step_is_larger_than_allowed(monkeypatch, template, prior):
         before = state.surface
 
 
+def test_held_points_go_where_the_template_has_them(monkeypatch, template, prior):
+    """From a start away from it that the prior holds for right; one hard, one softly."""
+    views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
+    monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
+    options = replace(JointOptions(), levels=(Level(3.0, 2, 10),), landmark_weight=0.0)
+    truth = template.surface
+    normals = directions(truth).reshape(*SHAPE, 3)
+    begin = BSplineSurface(truth.control_points + 3.0 * normals)
+    bundle, marks = start(template, prior, begin, views)
+    weight = np.zeros(SHAPE)
+    weight[3, 4], weight[4, 6] = 1 / 1e-3**2, 1 / 1.0**2
+    run = refine(
+        template, prior, bundle, range(PHOTOS), marks, options, held=weight.ravel()
+    )
+    *_, last = run
+    *_, free = refine(template, prior, bundle, range(PHOTOS), marks, options)
+    away = ((last.surface.control_points - truth.control_points) * normals).sum(2)
+    without = ((free.surface.control_points - truth.control_points) * normals).sum(2)
+    assert abs(without[3, 4]) > 0.5
+    assert abs(away[3, 4]) < 0.02
+    # What is held is known.
+    deviation = last.deviation.reshape(SHAPE)
+    assert deviation[3, 4] < 2e-3
+    assert deviation[4, 6] < min(1.0, free.deviation.reshape(SHAPE)[4, 6])
+
+
 def test_samples_are_skin(template):
     uv = sample_grid(template, 40)
     assert 300 < len(uv) < 1600

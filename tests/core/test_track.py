@@ -72,6 +72,23 @@ def test_landmarks_of_the_person_are_learnt(person):
     assert np.median(away(learnt)) < 0.5
 
 
+def test_landmarks_are_learnt_from_photos_that_differ_in_expression(person):
+    surface, marks = person
+    views = cameras(8)
+    options = BundleOptions(offset_mm=3.0, noise_mm=0.3)
+    moves = know(surface, TEMPLATE).moves
+    mixtures = np.random.default_rng(2).normal(0, 1.5, (8, moves.shape[2]))
+    pixels = [
+        c.project(marks + moves @ e) for c, e in zip(views, mixtures, strict=True)
+    ]
+    seen = Observations(np.stack(pixels), np.ones((8, len(INDEX))), INDEX)
+    blind = know(surface, TEMPLATE, views, seen, options)
+    learnt = know(surface, TEMPLATE, views, seen, options, mixtures)
+    front = (learnt.normals @ (0, 0, 1)) > 0.7
+    away = lambda known: np.linalg.norm(known.marks - marks, axis=1)[front]  # noqa: E731
+    assert np.median(away(learnt)) < 0.5 < np.median(away(blind))
+
+
 def test_exact_landmarks_give_the_camera(person):
     """Starting from the linear pose, of an orthographic camera."""
     surface, marks = person
