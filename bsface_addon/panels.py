@@ -118,10 +118,14 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
             depress=editing,
         )
         column = layout.column(align=True)
-        column.operator("bsface.surface_refit", icon="FILE_REFRESH")
+        soft = context.scene.bsface.softness
+        refit = column.operator("bsface.surface_refit", icon="FILE_REFRESH")
+        refit.softness = soft
         row = column.row(align=True)
         for hold, text in (("SELECTED", "Hold Selected"), ("NONE", "Hold None")):
-            row.operator("bsface.surface_refit", text=text).hold = hold
+            refit = row.operator("bsface.surface_refit", text=text)
+            refit.hold, refit.softness = hold, soft
+        column.prop(context.scene.bsface, "softness")
         row = layout.row(align=True)
         row.prop(face.data, "resolution_u", text="Resolution")
         row.prop(face.data, "resolution_v", text="")

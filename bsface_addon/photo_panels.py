@@ -137,8 +137,9 @@ class BSFACE_PT_landmarks(BSFacePanel, bpy.types.Panel):
         row = state.photos[state.active_photo]
         known = bool(row.landmarks)
         if not known:
-            text = messages.NO_LANDMARKS.format(name=row.name)
-            paragraph(context, layout, text, icon="INFO")
+            waiting = row.status in photo_list.FINE
+            text = messages.NO_LANDMARKS if waiting else messages.NONE_FOUND
+            paragraph(context, layout, text.format(name=row.name), icon="INFO")
         column = layout.column()
         column.enabled = known
         column.operator("bsface.landmarks_edit", icon="EDITMODE_HLT")

@@ -79,6 +79,14 @@ class BSFACE_PG_scene(bpy.types.PropertyGroup):
         name="Make Another Face",
         description="Make a new object instead of updating the face that is there",
     )
+    softness: FloatProperty(
+        name="Softness (mm)",
+        description="How far held points may give way in Refit; 0 = not at all",
+        default=0.3,
+        min=0.0,
+        soft_max=5.0,
+        max=20.0,
+    )
     hints: StringProperty(
         name="Hints", description="What photos are missing, one sentence a line"
     )

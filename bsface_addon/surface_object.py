@@ -155,8 +155,10 @@ def add_shape_key(obj, name, control_points):
         raise ValueError("a shape key needs as many control points as its object")
     if obj.data.shape_keys is None:
         obj.shape_key_add(name="Neutral", from_mix=False)
-    blocks = obj.data.shape_keys.key_blocks
-    block = blocks.get(name) or obj.shape_key_add(name=name, from_mix=False)
+    block = obj.data.shape_keys.key_blocks.get(name)
+    if block is None:
+        block = obj.shape_key_add(name=name, from_mix=False)
+        block.value = 0.0  # since Blender 5 a new key is on
     block.data.foreach_set("co", points.transpose(1, 0, 2).ravel())
     obj.data.update_tag()
     return block

@@ -109,7 +109,10 @@ class BSFACE_OT_expression_key(FaceOperator, LongOperator, bpy.types.Operator):
             scene.leave_edit_mode(context)
             # On the basis as it is now: the net may have been edited meanwhile.
             points = surface_object.read(face) + moved
-            surface_object.add_shape_key(face, self.expression, points)
+            made = surface_object.add_shape_key(face, self.expression, points)
+            # What was made is shown, alone.
+            for key in face.data.shape_keys.key_blocks:
+                key.value = float(key == made)
         photo_list.take_reports(context.scene.bsface, outcome.result.reports)
         self.report({"INFO"}, messages.KEY.format(name=self.expression))
 

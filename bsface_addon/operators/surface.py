@@ -113,13 +113,13 @@ class BSFACE_OT_surface_resample(FaceOperator, bpy.types.Operator):
         scene.leave_edit_mode(context)
         photo_expression.hide(face)
         keys = face.data.shape_keys.key_blocks[1:] if face.data.shape_keys else []
-        shapes = {key.name: face_file.surface(face, key.name) for key in keys}
+        shapes = {k.name: (face_file.surface(face, k.name), k.value) for k in keys}
         basis = face_file.surface(face).resampled(count).control_points
         with scene.all_or_nothing(context):
             surface_object.write(context, face, basis)
-            for name, shape in shapes.items():
+            for name, (shape, value) in shapes.items():
                 points = shape.resampled(count).control_points
-                surface_object.add_shape_key(face, name, points)
+                surface_object.add_shape_key(face, name, points).value = value
         return {"FINISHED"}
 
 

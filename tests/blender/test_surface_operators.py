@@ -180,9 +180,17 @@ def test_expression_becomes_a_shape_key(face, solved):
     assert [path.name for path in request.photos] == ["0.png", "2.png"]
     np.testing.assert_array_equal(request.start.control_points, neutral)
     np.testing.assert_array_equal(points(face), neutral)
-    assert face.data.shape_keys.key_blocks["Smile"] is not None
+    assert request.settings.modes == 0 and not request.settings.expressions
+    bpy.ops.bsface.expression_assign(expression="Frown", which="NAMED", photos="1.png")
+    bpy.ops.bsface.expression_key(expression="Frown")
+    blocks = face.data.shape_keys.key_blocks
+    # The new one is shown, alone.
+    assert [key.value for key in blocks] == [0, 0, 1]
+    bpy.ops.bsface.surface_resample(control_points_u=20, control_points_v=21)
+    blocks = face.data.shape_keys.key_blocks
+    assert [(key.name, key.value) for key in blocks[1:]] == [("Smile", 0), ("Frown", 1)]
     with pytest.raises(RuntimeError, match="No ticked photo"):
-        bpy.ops.bsface.expression_key(expression="Frown")
+        bpy.ops.bsface.expression_key(expression="Grin")
     with pytest.raises(RuntimeError, match="no photo"):
         bpy.ops.bsface.expression_assign(which="NAMED", photos="9.png")
 
