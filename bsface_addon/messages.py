@@ -49,7 +49,8 @@ PHOTO_STATUS = {
     "other_person": (
         "other person",
         "ERROR",
-        "Choose the right face of this photo, or ignore the photo.",
+        "Choose the right face of this photo, or ignore the photo; if it is the "
+        "person, switch One Person off.",
     ),
     "duplicate": ("duplicate", "DUPLICATE", "The same photo is in the list twice."),
 }

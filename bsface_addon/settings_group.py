@@ -20,6 +20,7 @@ LABELS = {
     "eye_distance_mm": "Eye Distance (mm)",
     "distance_mm": "Camera Distance (mm)",
     "detector": "Detect Faces",
+    "one_person": "One Person",
     "landmark_offset_mm": "Landmark Offset (mm)",
     "modes": "Identity Modes",
     "smooth_mm": "Smoothness (mm)",

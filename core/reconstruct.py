@@ -176,7 +176,7 @@ def solve(
     )
     result = _in_head_frame(result)
     reports = _photo_reports(gathered, template, shown, seen, evidence)
-    warnings = shortcomings(
+    warnings = gathered.doubts + shortcomings(
         np.array([c.yaw_pitch_roll for c in result.cameras]),
         None if evidence is None else evidence.singular_values,
     )

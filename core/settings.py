@@ -17,7 +17,7 @@ CHOICES: dict[str, tuple] = {
     "landmarks": SCHEMES,
     "light_degree": (1, 2, 3, 4, 5, 6),
 }
-SWITCHES = ("detector", "perspective", "expressions", "shadows")
+SWITCHES = ("detector", "one_person", "perspective", "expressions", "shadows")
 WHOLE = ("light_degree", "iterations", "outer_passes")
 
 # Inclusive limits of the numeric settings, for validation and for user interfaces.
@@ -58,6 +58,8 @@ class Settings:
         Scheme used: "468", "68" or "40" points.
     detector : bool
         Find landmarks in photos that have no landmark file.
+    one_person : bool
+        Leave out photos that surely show somebody else than most do; off: use them all.
     perspective : bool
         False: scaled orthography, the camera of section 2.3.1.
     distance_mm : float
@@ -98,6 +100,7 @@ class Settings:
     eye_distance_mm: float = 62.0
     landmarks: str = "468"
     detector: bool = True
+    one_person: bool = True
     perspective: bool = True
     distance_mm: float = 1200.0
     expressions: bool = True

@@ -214,6 +214,21 @@ def held_out(rows: list[Row]) -> str:
     return markdown(lines, [("person", "person")], columns)
 
 
+def strangers(rows: list[Row]) -> str:
+    """How often strangers are found: a row a kind of folder."""
+    columns = (
+        ("photos", "photos", ".0f"),
+        ("wrong", "wrong %", ".2f"),
+        ("wrong_most", "most", ".0f"),
+        ("wrong_folders", "folders %", ".0f"),
+        ("doubts", "doubts %", ".0f"),
+        ("found", "found %", ".0f"),
+        ("found_or_doubt", "with doubts %", ".0f"),
+    )
+    labels = (("pictures", "pictures"), ("folder", "folder"))
+    return markdown(rows, labels, columns)
+
+
 TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "sets": ("accuracy/accuracy.csv", by_set),
     "methods": ("accuracy/accuracy.csv", by_method),
@@ -222,6 +237,7 @@ TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "reliability": ("accuracy/reliability.csv", reliability),
     "halves": ("real_photos/halves.csv", halves),
     "held-out": ("real_photos/held_out.csv", held_out),
+    "strangers": ("strangers/strangers.csv", strangers),
 }
 
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from bsface import Settings
 from bsface.evidence.faces_in import faces_in
-from fake_face import person_folder
+from fake_face import other_skin, person_folder
 from pictures_for_tests import animated, bomb, cmyk, encoded, exif_turned, palette
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "photos"
@@ -36,8 +36,9 @@ class PhotoRow:
 class Folder:
     """Lays out photos of a drawn person with landmark files beside them."""
 
-    def __init__(self, folder: Path, count: int) -> None:
-        store = person_folder(folder.with_name("drawn"), count=count, side=160)
+    def __init__(self, folder: Path, count: int, **drawing: Any) -> None:
+        store = folder.with_name("drawn")
+        person_folder(store, count=count, side=160, **drawing)
         self.folder = folder
         folder.mkdir(parents=True)
         self.stock = []
@@ -181,6 +182,9 @@ def photo_rows(folder: Path) -> list[PhotoRow]:
     pixels, points = lay.next()
     add("landmarks: broken JSON", "json.png", "implausible", pixels)
     (folder / "json.json").write_text('{"scheme": "468", "points": [[')
+    # a picture that is fine, but for the others
+    stranger = Folder(folder.with_name("stranger"), 1, seed=5, skin=other_skin)
+    add("somebody else", "else.png", "other_person", *stranger.next())
     return rows
 
 

@@ -100,6 +100,14 @@ def skin_pattern(uv: np.ndarray) -> np.ndarray:
     return colour * (1 - lips[..., None] * (0.1, 0.5, 0.4))
 
 
+def other_skin(uv: np.ndarray) -> np.ndarray:
+    """The skin of somebody else than `skin_pattern`, (..., 3), linear."""
+    u, v = uv[..., 0], uv[..., 1]
+    spots = 1 - 0.55 * ((np.sin(57 * u + 1) * np.sin(43 * v + 2)) > 0.2)
+    broad = 1 + 0.1 * np.cos(13 * u)
+    return np.array([0.45, 0.32, 0.25]) * (spots * broad)[..., None]
+
+
 def painted_reconstruction(
     count: int = 8, side: int = 200, seed: int = 2
 ) -> FakeReconstruction:
@@ -183,7 +191,12 @@ def bare_reconstruction() -> FakeReconstruction:
 
 
 def person_folder(
-    folder, count: int = 4, seed: int = 0, side: int = 220, yaw=(-25.0, 25.0)
+    folder,
+    count: int = 4,
+    seed: int = 0,
+    side: int = 220,
+    yaw=(-25.0, 25.0),
+    skin=skin_pattern,
 ):
     """A folder of drawn photos of the template with their landmark files beside them.
 
@@ -215,9 +228,9 @@ def person_folder(
         normal = raster.interpolate(grid.normals, grid.triangles)
         light = np.array([0.8, *rng.normal(0, 0.25, 2), 0.3, 0, 0, 0, 0, 0])
         picture = np.full((side, side, 3), 0.2)
-        skin = skin_pattern(raster.interpolate(grid.uv, grid.triangles))
+        colour = skin(raster.interpolate(grid.uv, grid.triangles))
         shading = np.maximum(harmonics.basis(normal) @ light, 0.05)
-        picture[raster.covered] = skin * shading[:, None]
+        picture[raster.covered] = colour * shading[:, None]
         picture += rng.normal(0, 0.004, picture.shape)
         path = folder / f"{index}.png"
         pictures.write_png(path, to_picture(picture))

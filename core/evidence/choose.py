@@ -30,12 +30,15 @@ class Candidate:
     failure : PhotoFailure or None
         Why this face is of no use. It still takes part in the choice: else a
         bystander would stand in for a person who is blurred.
+    found : Landmarks or None
+        As they were found, before they were reduced to the scheme that is asked for.
     """
 
     photo: Photo
     landmarks: Landmarks
     fit: FaceFit
     failure: PhotoFailure | None = None
+    found: Landmarks | None = None
 
 
 def choose_faces(

@@ -2,8 +2,9 @@
 
 Each photo is read once; the faces in it are found, measured and judged, and the
 photo is cut down to them before the next one is read. Which of several faces is
-the folder's person is decided at the end, when all photos have been seen. A
-photo that is of no use becomes a `PhotoFailure` with a sentence.
+the folder's person is decided at the end, when all photos have been seen, and so
+is which photos show somebody else. A photo that is of no use becomes a
+`PhotoFailure` with a sentence.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from .photos import Photo, cut, list_photos, read_photo
 from .plausible import FaceFit, fit_face, judge_fit
 from .pose_linear import linear_pose
 from .quality import judge_quality
+from .same_person import set_strangers_apart
 
 # The cut-out is the box of all the face's landmarks, so much larger.
 BOX_FACTOR = 1.45
@@ -57,11 +59,14 @@ class Gathered:
         In the order of `photos`.
     failures : tuple of PhotoFailure
         The photos that are left out, in folder order.
+    doubts : tuple of str
+        Whether all photos show one person, in sentences; empty if they seem to.
     """
 
     photos: tuple[Photo, ...]
     landmarks: tuple[Landmarks, ...]
     failures: tuple[PhotoFailure, ...]
+    doubts: tuple[str, ...] = ()
 
 
 def gather(
@@ -83,7 +88,8 @@ def gather(
     ----------
     photos : folder, or sequence of paths or (H, W, 3) arrays
     settings : Settings, optional
-        Used are ``landmarks`` (the scheme) and ``detector`` (whether to detect).
+        Used are ``landmarks`` (the scheme), ``detector`` (whether to detect) and
+        ``one_person`` (whether to leave strangers out).
     progress : callable, optional
         Called with a `Step` before and after each photo; its ``overall`` is the
         fraction of this function. May raise `Cancelled`.
@@ -124,6 +130,10 @@ def gather(
         else:
             outcome.append(reader.read(source, name, tick))
     chosen = choose_faces(outcome)
+    doubts: tuple[str, ...] = ()
+    if settings.one_person:
+        _tell(progress, total, total, "comparing the faces")
+        chosen, doubts = set_strangers_apart(chosen)
     used = [item for item in chosen if isinstance(item, Candidate)]
     failures = tuple(item for item in chosen if isinstance(item, PhotoFailure))
     _tell(progress, total, total, f"{len(used)} of {total} photos can be used")
@@ -133,6 +143,7 @@ def gather(
         tuple(item.photo for item in used),
         tuple(item.landmarks for item in used),
         failures,
+        doubts,
     )
 
 
@@ -191,11 +202,11 @@ class _Reader:
                     f"The landmarks given for {name} are not all finite numbers; "
                     "correct or remove them.",
                 )
-            return [self._reduced(replace(given, photo=name))]
+            return [replace(given, photo=name)]
         beside = landmark_file_beside(photo.path) if photo.path else None
         if beside is not None:
             with contextlib.suppress(NotLandmarksError):
-                return [self._reduced(read_landmarks(beside, name, photo.size))]
+                return [read_landmarks(beside, name, photo.size)]
         if not self.detect:
             return PhotoFailure(
                 name,
@@ -214,9 +225,7 @@ class _Reader:
             sigma = mesh.sigma / photo.window[2]
             size = self._fit(points, "468", np.ones(468)).eye_distance
             weight = 1 / (1 + (sigma / (HALF_WEIGHT_SIGMA * size)) ** 2)
-            found.append(
-                self._reduced(Landmarks(name, "468", points, weight, score=mesh.score))
-            )
+            found.append(Landmarks(name, "468", points, weight, score=mesh.score))
         if not found:
             return PhotoFailure(
                 name,
@@ -250,7 +259,8 @@ class _Reader:
         pose = linear_pose(landmarks.points, xyz, weight, name=landmarks.photo)
         return pose if isinstance(pose, PhotoFailure) else None
 
-    def _judge(self, photo: Photo, landmarks: Landmarks) -> Candidate:
+    def _judge(self, photo: Photo, found: Landmarks) -> Candidate:
+        landmarks = self._reduced(found)
         fit = self._fit(landmarks.points, landmarks.scheme, landmarks.weight)
         failure = judge_fit(fit, landmarks, photo.size)
         if failure is None:
@@ -265,7 +275,7 @@ class _Reader:
         part = cut(photo, np.concatenate([centre - half, centre + half]), MAX_SIDE)
         if failure is None:
             failure = judge_quality(part, landmarks, fit)
-        return Candidate(part, landmarks, fit, failure)
+        return Candidate(part, landmarks, fit, failure, found)
 
 
 def _sources(
