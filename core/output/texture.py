@@ -39,15 +39,13 @@ from .texture_blend import (
     inner_part,
     measured_places,
 )
-from .texture_light import PhotoLights, estimate_lights
+from .texture_light import PhotoLights, estimate_lights, light_maps
 from .texture_views import (
-    SurfaceMaps,
     View,
     look_all,
     prefiltered,
     resized,
     sample,
-    surface_maps,
 )
 
 Picture = npt.NDArray[np.float32]
@@ -121,8 +119,7 @@ def bake_texture(
     if size is not None and not 64 <= size <= 8192:
         raise ValueError(f"texture size must be 64 to 8192 texels, got {size}")
     tell = progress or (lambda fraction: None)
-    maps = surface_maps(reconstruction.surface, COARSE)
-    views = look_all(reconstruction.surface, maps, photos, cameras)
+    views = look_all(reconstruction, COARSE)
     tell(0.15)
     size = size or natural_size(views)
     sources = [
@@ -134,8 +131,9 @@ def bake_texture(
     )
     weight = np.stack([view.weight for view in views])
     weight *= _well_exposed(coarse)
-    lights = _lights(maps, coarse, weight)
-    shading = np.stack([lights.shading(i, maps.normals) for i in range(len(views))])
+    basis, front = light_maps(reconstruction.surface, COARSE)
+    lights = _lights(basis, front, coarse, weight)
+    shading = np.stack([lights.shading(i, basis) for i in range(len(views))])
     coarse /= shading
     # Dark places of a photo tell less about the skin.
     weight = weight * np.clip(shading.mean(axis=3), 0, 2) ** 2
@@ -168,7 +166,7 @@ def bake_texture(
         tell(0.3 + 0.65 * rows.stop / size)
     measured_fine = resized(measured.astype(np.float32), size) > 0.5
     albedo = np.clip(albedo, 0, None)
-    mean_light = lights.mean_shading(maps.normals)
+    mean_light = lights.mean_shading(basis)
     difference = np.abs(coarse - base).mean(axis=3) / np.maximum(
         base.mean(axis=2), 1e-4
     )
@@ -229,14 +227,17 @@ def _well_exposed(colours: Picture) -> Picture:
     )
 
 
-def _lights(maps: SurfaceMaps, coarse: Picture, weight: Picture) -> PhotoLights:
-    step = maps.size // _LIGHT
+def _lights(
+    basis: Picture, front: npt.NDArray, coarse: Picture, weight: Picture
+) -> PhotoLights:
+    step = COARSE // _LIGHT
     part = slice(step // 2, None, step)
     n = len(coarse)
     lights, _ = estimate_lights(
         coarse[:, part, part].reshape(n, -1, 3).astype(float),
         weight[:, part, part].reshape(n, -1).astype(float),
-        maps.normals[part, part].reshape(-1, 3),
+        basis[part, part].reshape(-1, basis.shape[2]).astype(float),
+        front,
     )
     return lights
 

@@ -11,7 +11,14 @@ from .colour import encode_srgb
 from .render import outline_picture, rasterize, read_picture, sample_surface
 from .texture import Texture
 from .texture_blend import COARSE
-from .texture_views import look_all, prefiltered, resized, sample, surface_maps
+from .texture_light import light_maps
+from .texture_views import (
+    faces_of,
+    look_all,
+    prefiltered,
+    resized,
+    sample,
+)
 
 Picture = npt.NDArray[np.float32]
 
@@ -24,9 +31,8 @@ def plain_average(reconstruction: Any, size: int = 1024) -> Picture:
     (size, size, 3) float32 array
         Linear; 0 where no photo sees the place.
     """
-    maps = surface_maps(reconstruction.surface, COARSE)
     photos = reconstruction.photos
-    views = look_all(reconstruction.surface, maps, photos, reconstruction.cameras)
+    views = look_all(reconstruction, COARSE)
     total = np.zeros((size, size, 3), np.float32)
     count = np.zeros((size, size, 1), np.float32)
     for photo, view in zip(photos, views, strict=True):
@@ -64,7 +70,8 @@ def rerender(
         Pixels of the face.
     """
     target, camera = reconstruction.photos[photo], reconstruction.cameras[photo]
-    grid = sample_surface(reconstruction.surface, reconstruction.template, resolution)
+    face = faces_of(reconstruction)[photo]
+    grid = sample_surface(face, reconstruction.template, resolution)
     height, width = target.pixels.shape[:2]
     xy = target.to_window(camera.project(grid.points))
     depth = grid.points @ camera.R[2]
@@ -100,16 +107,16 @@ def rerender_errors(reconstruction: Any, texture: Texture) -> dict[str, npt.NDAr
     own mean light and relit by each photo's; "mean": our mean texture, brought to each
     photo's exposure and colour; "albedo": our albedo under each photo's light.
     """
-    maps = surface_maps(reconstruction.surface, COARSE)
     plain = plain_average(reconstruction, texture.size)
     lights = texture.lights
-    mean_light = lights.mean_shading(maps.normals)
+    basis, _ = light_maps(reconstruction.surface, COARSE)
+    mean_light = lights.mean_shading(basis)
     plain_albedo = plain / resized(mean_light, texture.size)
     errors: dict[str, list[float]] = {
         name: [] for name in ("plain", "plain_relit", "mean", "albedo")
     }
     for i, photo in enumerate(reconstruction.photos):
-        shading = lights.shading(i, maps.normals)
+        shading = lights.shading(i, basis)
         truth = photo.bytes8().astype(np.float32)
         for name, picture, light in (
             ("plain", plain, None),

@@ -8,8 +8,8 @@ stands for u = (column + 1/2) / S, v = (row + 1/2) / S.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from ..evidence.camera import Camera
 from ..evidence.photos import Photo
+from ..solve.frame import eye_centres
 from ..surface.bspline import BSplineSurface, grid_triangles, segment_basis
 from .render import rasterize
 
@@ -217,14 +218,28 @@ def _extended(picture: Picture) -> Picture:
     return np.ascontiguousarray(np.concatenate([left, wide, right], axis=1))
 
 
-def look_all(
-    surface: BSplineSurface,
-    maps: SurfaceMaps,
-    photos: Sequence[Photo],
-    cameras: Sequence[Camera],
-) -> list[View]:
-    """`look` for every photo."""
+def faces_of(reconstruction: Any) -> list[BSplineSurface]:
+    """The face as it is in each used photo, with the expression that it has there."""
+    calm = reconstruction.surface
+    found = getattr(reconstruction, "expressions", None)
+    if found is None or not np.any(found):
+        return [calm] * len(reconstruction.photos)
+    template = reconstruction.template
+    eyes = np.diff(eye_centres(calm, template), axis=0)
+    size = float(np.linalg.norm(eyes)) / template.eye_distance
+    modes = size * template.expression_modes[: found.shape[1]]
+    moves = np.einsum("ik,kuvx->iuvx", found, modes)
+    return [BSplineSurface(calm.control_points + move) for move in moves]
+
+
+def look_all(reconstruction: Any, size: int) -> list[View]:
+    """`look` for every photo, each on the face with its own expression."""
     return [
-        look(surface, maps, photo, camera)
-        for photo, camera in zip(photos, cameras, strict=True)
+        look(face, surface_maps(face, size), photo, camera)
+        for face, photo, camera in zip(
+            faces_of(reconstruction),
+            reconstruction.photos,
+            reconstruction.cameras,
+            strict=True,
+        )
     ]

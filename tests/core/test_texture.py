@@ -9,7 +9,9 @@ from bsface.evidence.photos import Photo
 from bsface.output import texture, texture_check, texture_views
 from bsface.output.colour import decode_srgb, encode_srgb, to_picture
 from bsface.output.formats.mesh import signed_distance
-from bsface.output.texture_light import PhotoLights, estimate_lights
+from bsface.output.texture_light import PhotoLights, estimate_lights, light_maps
+from bsface.surface.bspline import BSplineSurface
+from bsface.surface.template import load_template
 from fake_face import (
     bare_reconstruction,
     ellipse_outline,
@@ -102,7 +104,9 @@ def test_lights_of_a_known_albedo_are_recovered():
     value = np.einsum("pk,ikc->ipc", harmonics.basis(normals), lights) * albedo
     # A tenth of each photo is in shadow.
     value[rng.random(value.shape[:2]) < 0.1] *= 0.2
-    _, found = estimate_lights(value, np.ones(value.shape[:2]), normals, 12)
+    basis = harmonics.basis(normals)
+    front = basis.mean(axis=0)
+    _, found = estimate_lights(value, np.ones(value.shape[:2]), basis, front, 12)
     ratio = found / albedo
     ratio /= np.median(ratio, axis=0)
     assert np.median(np.abs(ratio - 1)) < 0.02
@@ -111,8 +115,45 @@ def test_lights_of_a_known_albedo_are_recovered():
 def test_shading_never_goes_to_zero():
     light = np.zeros((1, 9, 3))
     light[0, 0], light[0, 1] = 0.5, 2.0
-    normals = np.array([[-1.0, 0, 0], [0, 0, 1.0]])
-    assert (PhotoLights(light).shading(0, normals) > 0.01).all()
+    basis = harmonics.basis(np.array([[-1.0, 0, 0], [0, 0, 1.0]]))
+    assert (PhotoLights(light, basis[1]).shading(0, basis) > 0.01).all()
+
+
+def test_light_of_a_bulging_face_is_that_of_its_normals():
+    """Nothing of it casts shadow, but for grazing light that depth maps cut off."""
+    u, v = np.meshgrid(np.linspace(-1, 1, 12), np.linspace(1, -1, 12), indexing="ij")
+    dome = BSplineSurface(np.stack([60 * u, 60 * v, -15 * (u**2 + v**2)], axis=-1))
+    basis, front = light_maps(dome, 64)
+    even = basis[..., 0] / front[0]
+    assert even.max() < 1.01 and even.min() > 0.8 and np.median(even) > 0.9
+    # harmonics of degree 1 shade by the normal: the fourth by its x
+    x = texture_views.surface_maps(dome, 64).normals[..., 0]
+    assert abs(np.corrcoef(basis[..., 3].ravel(), x.ravel())[0, 1]) > 0.99
+
+
+def test_a_pit_gets_less_light_than_what_is_around_it():
+    u, v = np.meshgrid(np.linspace(-1, 1, 24), np.linspace(1, -1, 24), indexing="ij")
+    depth = 30 * np.exp(-(u**2 + v**2) / 0.03)
+    basis, _ = light_maps(BSplineSurface(np.stack([60 * u, 60 * v, -depth], -1)), 64)
+    even = basis[..., 0]
+    assert even[32, 32] < 0.8 * even[32, 4]
+
+
+def test_each_photo_is_seen_on_the_face_with_its_own_expression(painted):
+    template = load_template()
+    count = len(painted.photos)
+    mixture = np.zeros((count, 1))
+    mixture[1] = 2.0
+    fields = {**painted.__dict__, "surface": template.surface, "template": template}
+    mixed = type(painted)(**{**fields, "expressions": mixture})
+    faces = texture_views.faces_of(mixed)
+    moved = template.surface.control_points + 2 * template.expression_modes[0]
+    np.testing.assert_allclose(faces[1].control_points, moved, atol=1e-9)
+    for i in (0, 1):
+        xy = texture_views.look_all(mixed, 32)[i].xy
+        points = texture_views.surface_maps(faces[i], 32).points
+        pixels = painted.photos[i].to_window(painted.cameras[i].project(points))
+        np.testing.assert_allclose(xy, pixels, atol=1e-3)
 
 
 def test_albedo_is_the_painted_skin_without_its_light(painted, baked):
