@@ -284,6 +284,11 @@ def _sources(
     """Names, unlike each other, and paths or arrays."""
     if isinstance(photos, str | os.PathLike):
         return [(_shown(path.name), path) for path in list_photos(photos)]
+    if isinstance(photos, np.ndarray) and _one_picture(photos):
+        raise ReconstructionError(
+            f"One picture of shape {photos.shape} was given in place of several; "
+            "give a list of them, such as [picture, picture, picture]."
+        )
     items = [p if isinstance(p, np.ndarray) else Path(p) for p in photos]
     if not items:
         raise ReconstructionError("No photos were given; give at least three.")
@@ -298,6 +303,11 @@ def _sources(
             taken[name] += 1
             names[i] = f"{name} ({taken[name]})"
     return list(zip(names, items, strict=True))
+
+
+def _one_picture(array: np.ndarray) -> bool:
+    """Whether an array is a picture itself and not a stack of them."""
+    return array.ndim == 2 or (array.ndim == 3 and array.shape[2] in (1, 3, 4))
 
 
 def _check_names(ignore: Sequence[str], names: Sequence[str]) -> None:

@@ -282,6 +282,13 @@ def test_no_photos_given(photos):
         gather(photos)
 
 
+@pytest.mark.parametrize("shape", [(40, 60), (40, 60, 3), (40, 60, 4)])
+def test_one_picture_in_place_of_several(shape):
+    with pytest.raises(ReconstructionError, match="list of them") as caught:
+        gather(np.zeros(shape, np.uint8))
+    assert str(shape) in str(caught.value)
+
+
 def test_missing_models_end_the_job_with_the_remedy(tmp_path, monkeypatch, picture):
     monkeypatch.setattr(
         "bsface.evidence.face_models.model_folders", lambda folder=None: (tmp_path,)
