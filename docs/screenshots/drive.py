@@ -31,7 +31,7 @@ EXTENSION = "bl_ext.user_default.bsface"
 # Every second example is enough for pictures of the user interface.
 EVERY = 2
 STILL_S = 3.5
-LIMIT_S = 900.0
+LIMIT_S = 1800.0
 # Only these pictures (names separated by commas); all where it is empty.
 ONLY = set(filter(None, os.environ.get("BSFACE_PICTURES", "").split(",")))
 
