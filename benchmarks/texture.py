@@ -1,11 +1,13 @@
 """How well the texture explains the photos, beside plain averaging.
 
-    python benchmarks/texture.py [PHOTOS] [-o out/texture] [--size 1024]
+    python benchmarks/texture.py [PHOTOS ...] [-o out/texture] [--size 1024]
 
-Reconstructs the folder (by default the example photos), bakes the texture, draws the
-textured surface into every used photo and prints the median absolute error in 8-bit
-steps. Writes ``comparison.png``: plain average (above) and mean texture (below) on the
-surface, and ``textures.png``: plain average, mean texture, albedo over (u, v).
+Reconstructs each folder (by default the example photos), bakes the texture, draws the
+textured surface into every used photo as it is seen there (its camera, light and
+expression) and prints the median absolute error in 8-bit steps. The plain average is
+drawn as it is, and also relit by the same lights. Writes ``texture.csv`` and, of the
+first folder, ``comparison.png``: plain average (above), mean texture and albedo (below)
+on the surface, and ``textures.png``: the same over (u, v).
 """
 
 from __future__ import annotations
@@ -14,11 +16,12 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from bsface import reconstruct
+from _table import write_csv
+from bsface import Reconstruction, reconstruct
 from bsface.output.colour import to_picture
 from bsface.output.pictures import write_png
 from bsface.output.render import render_views
-from bsface.output.texture import bake_texture
+from bsface.output.texture import Texture, bake_texture
 from bsface.output.texture_check import plain_average, rerender_errors
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "photos"
@@ -32,31 +35,47 @@ ROWS = {
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("photos", nargs="?", default=str(EXAMPLE))
-    options.add_argument("-o", "--output", default="out/texture")
+    options.add_argument("photos", nargs="*", type=Path, default=[EXAMPLE])
+    options.add_argument("-o", "--output", type=Path, default=Path("out/texture"))
     options.add_argument("--size", type=int, default=1024)
     given = options.parse_args()
-    face = reconstruct(given.photos)
-    texture = bake_texture(face, given.size)
+    rows = []
+    for folder in given.photos:
+        face = reconstruct(folder)
+        texture = bake_texture(face, given.size)
+        name = "/".join(folder.resolve().parts[-2:])
+        rows.append({"photos": name, **compare(face, texture)})
+        write_csv(given.output / "texture.csv", rows)
+        if len(rows) == 1:
+            draw(given.output, face, texture)
+            print(f"{given.output}/comparison.png and textures.png written")
+
+
+def compare(face: Reconstruction, texture: Texture) -> dict[str, object]:
+    """Median over the photos of their errors, printed and returned."""
     errors = rerender_errors(face, texture)
-    first = np.median(errors["plain"])
+    found = {name: float(np.median(errors[name])) for name in ROWS}
     print(f"{len(face.photos)} photos, median of the photos' median absolute errors")
     for name, words in ROWS.items():
-        value = np.median(errors[name])
-        print(f"{words:<44} {value:6.2f}  {100 * (value / first - 1):+6.1f} %")
-    gain = np.median(errors["albedo"]) / np.median(errors["plain_relit"]) - 1
-    print(f"albedo against the plain average in the same light {100 * gain:+.1f} %")
+        change = 100 * (found[name] / found["plain"] - 1)
+        print(f"{words:<44} {found[name]:6.2f}  {change:+6.1f} %")
+    gain = 100 * (found["albedo"] / found["plain_relit"] - 1)
+    print(
+        f"albedo against the plain average in the same light {gain:+.1f} %", flush=True
+    )
+    return {"count": len(face.photos), **found}
 
-    plain = plain_average(face, given.size)
-    out = Path(given.output)
+
+def draw(out: Path, face: Reconstruction, texture: Texture) -> None:
+    """Pictures of the plain average and of both textures."""
+    skins = (plain_average(face, texture.size), texture.mean, texture.albedo)
+    flat = [to_picture(skin) for skin in skins]
     on_face = [
-        render_views(face.surface, face.template, colours=to_picture(skin), shading=0.0)
-        for skin in (plain, texture.mean)
+        render_views(face.surface, face.template, colours=skin, shading=0.0)
+        for skin in flat
     ]
     write_png(out / "comparison.png", np.concatenate(on_face))
-    flat = [to_picture(skin) for skin in (plain, texture.mean, texture.albedo)]
     write_png(out / "textures.png", np.concatenate(flat, axis=1))
-    print(f"{out}/comparison.png and textures.png written")
 
 
 if __name__ == "__main__":
