@@ -57,6 +57,8 @@ COLUMNS = (
 
 # Person -> sets of photos; sets of one person are never mixed with each other.
 Kind = Mapping[str, Sequence[Appearance]]
+# Kind of pictures -> person -> the mean pattern of that person.
+Means = Mapping[str, Mapping[str, np.ndarray]]
 
 
 def main() -> None:
@@ -70,12 +72,16 @@ def main() -> None:
             raise SystemExit(f"{folder} holds fewer than two people with photos.")
         taken = time.perf_counter() - started
         print(f"{folder.name}: {', '.join(kind)}; landmarks {taken:.0f} s", flush=True)
+    means = {
+        name: {person: mean_pattern(sets[:1]) for person, sets in kind.items()}
+        for name, kind in kinds.items()
+    }
     rows = []
-    for name in kinds:
+    for name, people in kinds.items():
         for mix, sizes in MIXES:
             for own, other in sizes:
                 rng = np.random.default_rng([options.seed, own, other])
-                row = trials(kinds, name, own, other, options.folders, rng)
+                row = trials(people, means, name, own, other, options.folders, rng)
                 rows.append({"pictures": name, "folder": mix, **row})
     print(text_table(rows, COLUMNS, [("pictures", "pictures"), ("folder", "folder")]))
     write_csv(options.out / "strangers.csv", rows)
@@ -115,7 +121,8 @@ def read_kind(folder: Path) -> Kind:
 
 
 def trials(
-    kinds: Mapping[str, Kind],
+    people: Kind,
+    means: Means,
     name: str,
     own: int,
     other: int,
@@ -123,9 +130,8 @@ def trials(
     rng: np.random.Generator,
 ) -> dict[str, float]:
     """Random folders with ``own`` photos of one person and ``other`` of another."""
-    people = kinds[name]
     counts = np.array(
-        [one_folder(kinds, people, name, own, other, rng) for _ in range(folders)]
+        [one_folder(people, means, name, own, other, rng) for _ in range(folders)]
     )
     wrong, doubt, found, told = counts.T
     return {
@@ -140,8 +146,8 @@ def trials(
 
 
 def one_folder(
-    kinds: Mapping[str, Kind],
     people: Kind,
+    means: Means,
     name: str,
     own: int,
     other: int,
@@ -156,7 +162,7 @@ def one_folder(
         np.concatenate([c.pattern for c in chosen])[order],
         np.concatenate([c.weight for c in chosen])[order],
     )
-    general = patterns(kinds, {name: {p for p, _ in parts}})
+    general = patterns(means, name, {p for p, _ in parts})
     found = tell_apart(*likeness(seen, general))
     stranger = order >= own
     left_out = np.ones(own + other, bool)
@@ -185,15 +191,13 @@ def draw(
     return Appearance(chosen.pattern[some], chosen.weight[some])
 
 
-def patterns(kinds: Mapping[str, Kind], without: Mapping[str, set[str]]) -> np.ndarray:
-    """Patterns of faces in general, of each kind one, without some people."""
+def patterns(means: Means, name: str, without: set[str]) -> np.ndarray:
+    """Patterns of faces in general, one of each kind, without some people of one."""
     maps = []
-    for name, people in kinds.items():
-        left = [
-            sets[0] for p, sets in people.items() if p not in without.get(name, set())
-        ]
+    for kind, people in means.items():
+        left = [m for p, m in people.items() if kind != name or p not in without]
         if left:
-            maps.append(mean_pattern(left))
+            maps.append(np.mean(left, 0))
     if not maps:
         raise SystemExit("More people are needed: some must be left for comparison.")
     return np.stack(maps)[:, None]

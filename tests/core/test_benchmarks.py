@@ -32,6 +32,7 @@ _sets = importlib.import_module("_sets")
 _speed_worker = importlib.import_module("_speed_worker")
 _table = importlib.import_module("_table")
 speed = importlib.import_module("speed")
+strangers = importlib.import_module("strangers")
 
 
 @pytest.fixture(scope="module")
@@ -331,3 +332,35 @@ def test_photos_that_are_used_twice_are_not_the_same(tmp_path):
     assert len({image.tobytes() for image in found}) == 3
     for image in found:
         assert abs(image.shape[0] * image.shape[1] - 10_000) < 300
+
+
+# --- strangers ------------------------------------------------------------------------
+
+
+def drawn_people(count, photos, rng):
+    """Looks of people whose patterns have nothing in common."""
+    people = {}
+    for k in range(count):
+        own = rng.uniform(-1, 1, (96, 96))
+        pattern = own + rng.normal(0, 0.5, (photos, 96, 96))
+        seen = np.ones_like(pattern)
+        people[str(k)] = [strangers.Appearance(np.float32(pattern), np.float32(seen))]
+    return people
+
+
+@pytest.mark.parametrize("own, other", [(12, 0), (12, 1), (12, 4), (10, 10)])
+def test_strangers_are_counted(own, other):
+    rng = np.random.default_rng(own + other)
+    people = drawn_people(4, 12, rng)
+    means = {"drawn": {p: strangers.mean_pattern(s) for p, s in people.items()}}
+    row = strangers.trials(people, means, "drawn", own, other, 5, rng)
+    assert row["photos"] == own + other
+    assert row["wrong"] == row["wrong_most"] == row["wrong_folders"] == 0
+    assert row["doubts"] == 0
+    assert row["found"] == row["found_or_doubt"] == (100 if other else "")
+
+
+def test_nobody_of_a_folder_is_known_beforehand():
+    means = {"a": {"x": np.ones((2, 2)), "y": 3 * np.ones((2, 2))}, "b": {}}
+    left = strangers.patterns(means, "a", {"x"})
+    np.testing.assert_array_equal(left, 3 * np.ones((1, 1, 2, 2)))
