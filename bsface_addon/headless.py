@@ -37,6 +37,7 @@ def main(given):
     int
         The exit code.
     """
+    from ..core.cli.stopping import stoppable
     from ..core.errors import ReconstructionError
     from . import arguments
 
@@ -48,7 +49,8 @@ def main(given):
     except SystemExit as error:
         return int(error.code or 0)
     try:
-        facts = VERBS[options.verb](options)
+        with stoppable():
+            facts = VERBS[options.verb](options)
     except ReconstructionError as error:
         _say_failure(options, str(error))
         return FAILED
@@ -57,12 +59,16 @@ def main(given):
 
         _say_failure(options, messages.MISSING.format(missing=error.name or error))
         return FAILED
-    except MemoryError:
+    except Exception as error:
+        from ..core.errors import out_of_memory
         from . import messages
 
+        if not out_of_memory(error):
+            raise
         _say_failure(options, messages.NO_MEMORY + ".")
         return FAILED
     except KeyboardInterrupt:
+        print(f"{COMMAND}: interrupted", file=sys.stderr, flush=True)
         return INTERRUPTED
     if options.json:
         print(json.dumps({"ok": True, **facts}, ensure_ascii=False), flush=True)

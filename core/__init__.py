@@ -11,6 +11,9 @@ Pixels: of the photo as it is seen (after its EXIF turn), x right, y down, centr
 integers.
 """
 
+import logging
+
+from . import _start as _start  # first: before what takes long to import
 from .errors import Cancelled, PhotoFailure, ReconstructionError
 from .progress import Progress, Step
 from .reconstruct import reconstruct
@@ -19,6 +22,9 @@ from .settings import Settings
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
 from .track import TrackedPhoto, Tracking, track
+
+# A library says nothing by itself; what it logs is the results' warnings.
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 __version__ = "0.1.0"
 

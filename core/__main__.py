@@ -13,7 +13,6 @@ Exit codes: 0 done, 1 the job failed, 2 the call is wrong, 130 interrupted.
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -21,12 +20,14 @@ from pathlib import Path
 from .cli import export_face, info
 from .cli.arguments import check_outputs, parse_settings
 from .cli.bar import Bar
-from .errors import Cancelled, ReconstructionError
+from .cli.stopping import stoppable
+from .errors import Cancelled, ReconstructionError, out_of_memory
 from .output.formats import export
 from .output.formats.npz import to_json
+from .progress import Step
 from .reconstruct import reconstruct
 from .surface.template import load_template
-from .threads import one_blas_thread
+from .threads import one_blas_thread, take_working_space
 
 COMMANDS = """commands besides the reconstruction (`bsface COMMAND --help` tells more):
   batch    one face from each sub-folder of photos
@@ -70,17 +71,17 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    # What the library logs are the result's warnings, which are told at the end.
-    logging.getLogger(__package__).addHandler(logging.NullHandler())
-    if words and words[0] in _COMMANDS:
-        return _COMMANDS[words[0]](words[1:])
-    return reconstruct_command(words)
+    with stoppable():
+        if words and words[0] in _COMMANDS:
+            return _COMMANDS[words[0]](words[1:])
+        return reconstruct_command(words)
 
 
 def reconstruct_command(argv: Sequence[str]) -> int:
     """Photos in, files out; returns the exit code."""
     args = parser().parse_args(argv)
     bar = None if args.quiet else Bar()
+    written: list[str] = []
     try:
         settings = parse_settings(args.set)
         template = load_template(args.template) if args.template else None
@@ -89,6 +90,7 @@ def reconstruct_command(argv: Sequence[str]) -> int:
         sys.stderr.write(f"bsface: {error}\n")
         return 2
     try:
+        take_working_space()
         # the same bytes on any number of cores
         with one_blas_thread():
             result = reconstruct(
@@ -100,27 +102,38 @@ def reconstruct_command(argv: Sequence[str]) -> int:
             )
         for name in args.output:
             export(name, result)
+            written.append(name)
         if args.report:
             from .output.report import write_report
 
-            write_report(Path(args.report), result)
+            write_report(Path(args.report), result, progress=_telling(bar))
     except ReconstructionError as error:
         sys.stderr.write(f"\nbsface: {error}\n")
         return 1
-    except MemoryError:
+    except (KeyboardInterrupt, Cancelled):
+        done = f"; {', '.join(written)} written" if written else ", nothing written"
+        sys.stderr.write(f"\nbsface: interrupted{done}\n")
+        return 130
+    except Exception as error:
+        if not out_of_memory(error):
+            raise
         sys.stderr.write(
             "\nbsface: There is not enough memory; use fewer photos or a smaller net "
             "(--set control_points=30,30).\n"
         )
         return 1
-    except (KeyboardInterrupt, Cancelled):
-        sys.stderr.write("\nbsface: interrupted, nothing written\n")
-        return 130
     finally:
         if bar is not None:
             bar.close()
     _tell(args, result)
     return 0
+
+
+def _telling(bar: Bar | None) -> Callable[[float], None] | None:
+    """Progress of the page on the terminal."""
+    if bar is None:
+        return None
+    return lambda part: bar(Step("output", round(100 * part), 100, 1.0, "the page"))
 
 
 def _tell(args: argparse.Namespace, result) -> None:

@@ -32,6 +32,19 @@ class Cancelled(Exception):
     """Raised by a progress callback to stop the job."""
 
 
+# What the libraries say when memory runs out: OpenCV, SuperLU, NumPy, C++.
+_NO_MEMORY = ("bad_alloc", "Insufficient memory", "MALLOC failed", "nable to allocate")
+
+
+def out_of_memory(error: BaseException) -> bool:
+    """Whether an exception says that memory ran out, whichever library raised it."""
+    if isinstance(error, MemoryError):
+        return True
+    return not isinstance(error, ReconstructionError) and any(
+        words in str(error) for words in _NO_MEMORY
+    )
+
+
 @dataclass(frozen=True)
 class PhotoFailure:
     """Why one photo is not used; falsy, so ``if not photo:`` reads well.

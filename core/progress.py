@@ -32,3 +32,10 @@ class Step:
 
 
 Progress = Callable[[Step], None]
+
+# Called now and then inside a long piece of work, without news; may raise `Cancelled`.
+Tick = Callable[[], None]
+
+
+def no_tick() -> None:
+    """The tick of a job that nobody watches."""

@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ReconstructionError
+from .errors import ReconstructionError, out_of_memory
 from .evidence import harmonics
 from .evidence.camera import Camera
 from .evidence.coverage import shortcomings
@@ -109,11 +108,11 @@ def reconstruct(
 
 @contextlib.contextmanager
 def _memory_told() -> Iterator[None]:
-    """Want of memory, of NumPy or of OpenCV, as a sentence."""
+    """Want of memory, of whichever library, as a sentence."""
     try:
         yield
-    except (MemoryError, cv2.error) as error:
-        if isinstance(error, cv2.error) and error.code != cv2.Error.StsNoMem:
+    except Exception as error:
+        if not out_of_memory(error):
             raise
         raise ReconstructionError(
             "There is not enough memory; use fewer photos or a smaller net "
@@ -132,6 +131,7 @@ def solve(
     clock = clock or _Clock(None)
     if not gathered.photos:
         raise ReconstructionError("No photo can be used; see the reasons per photo.")
+    clock.tell("motion", 0, 1, "adjusting poses and landmarks")
     prior = shape_prior(
         template,
         settings.modes,
@@ -139,9 +139,11 @@ def solve(
         settings.smooth_mm,
         settings.smooth_length,
     )
+    clock.tick()
     seen = observations(gathered, template)
     cameras = _linear_cameras(gathered, template, seen, settings)
-    bundle = adjust(template, prior, seen, cameras, bundle_options(settings))
+    options = bundle_options(settings)
+    bundle = adjust(template, prior, seen, cameras, options, clock.tick)
     history: list[dict[str, Any]] = [
         {"stage": "motion", "residual": r, "step_mm": 0.0} for r in bundle.history
     ]
@@ -250,14 +252,16 @@ def _joint(
 ):
     options = joint_options(settings)
     total = sum(level.iterations for level in options.levels)
+    progress.clock.tell("refine", 0, total, "measuring light and shape together")
     bundle, weights = settle_expressions(bundle, template, seen)
     bundle = _holding(bundle, template, settings, held)
     kept = None if held is None else held.weight
     state = None
     for k, state in enumerate(
         refine(
-            template, prior, bundle, gathered.photos, seen, options, weights, held=kept
-        )
+            template, prior, bundle, gathered.photos, seen, options, weights,
+            progress.clock.tick, kept,
+        )  # fmt: skip
     ):
         progress.history.append(
             {"stage": "refine", "residual": state.residual, "step_mm": state.step_mm}
@@ -302,8 +306,10 @@ def _classic(gathered, template, seen, settings, bundle: Bundle, progress):
             f"pass {state.outer}, {state.stage}: moved {state.change_mm:.2f} mm",
         )
 
+    total = 2 * settings.outer_passes
+    progress.clock.tell("refine", 0, total, "measuring light")
     surface, cameras, evidence = run_imls(
-        gathered.photos, template, seen, settings, on_state
+        gathered.photos, template, seen, settings, on_state, progress.clock.tick
     )
     shown = replace(
         bundle,
@@ -411,6 +417,7 @@ class _Clock:
     def __post_init__(self) -> None:
         self.seconds: dict[str, float] = {}
         self.last = time.perf_counter()
+        self.newest: Step | None = None
 
     def lap(self, stage: str) -> None:
         now = time.perf_counter()
@@ -431,4 +438,10 @@ class _Clock:
         k = names.index(stage)
         low = ENDS[names[k - 1]] if k else 0.0
         overall = low + (ENDS[stage] - low) * done / max(total, 1)
-        self.progress(Step(stage, done, total, overall, message))
+        self.newest = Step(stage, done, total, overall, message)
+        self.progress(self.newest)
+
+    def tick(self) -> None:
+        """The newest step again: no news, but a chance to stop."""
+        if self.progress is not None and self.newest is not None:
+            self.progress(self.newest)

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 import scipy
+from scipy.linalg import cholesky
+from scipy.linalg.blas import dgemm
 
 
 @contextlib.contextmanager
@@ -32,6 +34,16 @@ def one_blas_thread() -> Iterator[None]:
     finally:
         for set_, count in before:
             set_(count)
+
+
+def take_working_space() -> None:
+    """Make both OpenBLAS take their working space now.
+
+    They wait for ever for space that they do not get, when the memory of the process
+    is limited and the photos have filled it.
+    """
+    A = np.ones((256, 256))
+    dgemm(1.0, A @ A, cholesky(np.eye(256)))
 
 
 @lru_cache(maxsize=1)

@@ -12,7 +12,7 @@ import traceback
 
 import bpy
 
-from ...core.errors import Cancelled, ReconstructionError
+from ...core.errors import Cancelled, ReconstructionError, out_of_memory
 from .. import job, messages, pipeline
 
 INTERVAL_S = 0.1
@@ -87,7 +87,7 @@ class LongOperator:
         elif isinstance(error, ImportError):
             sentence = messages.MISSING.format(missing=error.name or error)
             state.last_error = trace
-        elif isinstance(error, MemoryError):
+        elif out_of_memory(error):
             sentence = messages.NO_MEMORY
             state.last_error = trace
         else:

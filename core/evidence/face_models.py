@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 
-from ..errors import ReconstructionError
+from ..errors import ReconstructionError, out_of_memory
 
 DETECTOR_FILE = "face_detection_short_range.tflite"
 MESH_FILE = "face_landmark.tflite"
@@ -88,7 +88,9 @@ def load_network(path: Path, outputs: tuple[str, str]) -> cv2.dnn.Net:
     try:
         net = cv2.dnn.readNetFromTFLite(str(path))
         names = net.getUnconnectedOutLayersNames()
-    except (cv2.error, OSError):
+    except (cv2.error, OSError) as error:
+        if out_of_memory(error):
+            raise
         names = ()
     if set(names) != set(outputs):
         raise ReconstructionError(

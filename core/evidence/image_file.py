@@ -14,13 +14,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..errors import PhotoFailure
+from ..errors import PhotoFailure, out_of_memory
 from .image_header import READABLE, ImageHeader
 
 MAX_PIXELS = 200_000_000
 MAX_DECODED_BYTES = 600_000_000
 MAX_FILE_BYTES = 600_000_000
 MIN_SIDE = 32
+
+_SILENT = 0  # OpenCV's LOG_LEVEL_SILENT, which its Python module does not name
 
 _REDUCED = {
     1: cv2.IMREAD_COLOR,
@@ -120,7 +122,7 @@ def decode(data: np.ndarray, reduction: int) -> np.ndarray | None:
         with _quiet():
             pixels = cv2.imdecode(data, flags)
     except cv2.error as error:
-        if error.code == cv2.Error.StsNoMem:
+        if out_of_memory(error):
             raise MemoryError from None
         return None
     if pixels is None or pixels.ndim != 3 or pixels.size == 0:
@@ -131,13 +133,9 @@ def decode(data: np.ndarray, reduction: int) -> np.ndarray | None:
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """OpenCV warns on stderr about each damaged file; we say it in the report."""
-    logging = getattr(getattr(cv2, "utils", None), "logging", None)
-    if logging is None:
-        yield
-        return
-    level = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    level = cv2.getLogLevel()
+    cv2.setLogLevel(_SILENT)
     try:
         yield
     finally:
-        logging.setLogLevel(level)
+        cv2.setLogLevel(level)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..progress import Tick, no_tick
 from . import harmonics
 
 Array = NDArray[np.float64]
@@ -123,6 +124,7 @@ def robust_normals(
     noise: float = 0.06,
     pull: float = 0.05,
     rounds: int = 8,
+    tick: Tick = no_tick,
 ) -> tuple[Array, Array, Array, Array]:
     """Normals by photometric stereo with masked, robust samples.
 
@@ -140,6 +142,8 @@ def robust_normals(
         Weight of staying at ``start``, relative to the data of a usual point.
     rounds : int
         Alternations of lights and per-point steps.
+    tick : callable, optional
+        Called in each of them.
 
     Returns
     -------
@@ -153,6 +157,7 @@ def robust_normals(
     lights, albedo = np.zeros((n, order)), np.ones(p)
     W = view
     for _ in range(rounds):
+        tick()
         Y = harmonics.basis(normals, order)
         lights, albedo, W, r = estimate_lighting(
             values, view, Y, lights, albedo, noise

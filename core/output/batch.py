@@ -20,7 +20,7 @@ import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -28,6 +28,7 @@ from typing import Any
 
 import cv2
 
+from .._start import WORKER
 from ..cli.arguments import parse_settings
 from ..errors import ReconstructionError
 from ..reconstruct import reconstruct
@@ -63,6 +64,7 @@ WANTED = ("face.npz", "report.html")
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Told = Callable[[Outcome, int, int], None]
+Outcomes = Generator[Outcome, None, None]
 
 
 def run_batch(
@@ -132,10 +134,16 @@ def run_batch(
         runs = _on_processes(jobs, max(1, workers), memory)
     else:
         runs = _on_executor(executor, jobs)
-    for outcome in runs:
-        finished[outcome.person] = outcome
-        if told is not None:
-            told(outcome, len(finished), len(jobs))
+    try:
+        for outcome in runs:
+            finished[outcome.person] = outcome
+            if told is not None:
+                told(outcome, len(finished), len(jobs))
+    except BaseException:
+        runs.close()
+        for name in jobs:
+            sweep(out / name)
+        raise
     outcomes = tuple(finished[name] for name in jobs)
     write_text(out / "summary.csv", summary_csv(outcomes))
     return outcomes
@@ -210,7 +218,7 @@ def _check_wanted(wanted: Sequence[str]) -> None:
 
 
 # ----------------------------------------------------------------- execution
-def _on_executor(executor: Executor, jobs: dict[str, tuple]) -> Iterator[Outcome]:
+def _on_executor(executor: Executor, jobs: dict[str, tuple]) -> Outcomes:
     """Outcomes as they come from an executor that lives elsewhere."""
     futures = {executor.submit(run_person, *job): name for name, job in jobs.items()}
     try:
@@ -223,10 +231,10 @@ def _on_executor(executor: Executor, jobs: dict[str, tuple]) -> Iterator[Outcome
 
 def _on_processes(
     jobs: dict[str, tuple], workers: int, memory: int | None = None
-) -> Iterator[Outcome]:
+) -> Outcomes:
     """Outcomes from processes here, which may die without stopping the rest."""
     waiting = dict(jobs)
-    with _single_threaded():
+    with _as_workers():
         while waiting:
             for outcome in _one_pool(waiting, workers, memory):
                 waiting.pop(outcome.person)
@@ -242,7 +250,7 @@ def _on_processes(
 
 def _one_pool(
     jobs: dict[str, tuple], workers: int, memory: int | None
-) -> Iterator[Outcome]:
+) -> Outcomes:
     """Outcomes of one pool until all are done or one of its processes dies."""
     # A fresh interpreter for every person: nothing is inherited, all memory returns.
     pool = ProcessPoolExecutor(
@@ -260,6 +268,11 @@ def _one_pool(
             yield _result(future, futures[future])
     except BrokenProcessPool:
         return
+    except BaseException:
+        # Interrupted: nobody waits for what is being computed.
+        for process in list(pool._processes.values()):
+            process.terminate()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
@@ -273,10 +286,11 @@ def _result(future: Any, person: str) -> Outcome:
 
 
 @contextlib.contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Processes that start in this block compute with one thread."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
+def _as_workers() -> Iterator[None]:
+    """Processes that start here compute with one thread and end without a word."""
+    names = (*_THREADS, WORKER)
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
     try:
         yield
     finally:

@@ -11,12 +11,8 @@ from __future__ import annotations
 import re
 import sys
 
-import cv2
-import numpy as np
-from scipy.linalg import cholesky
-from scipy.linalg.blas import dgemm
-
-from ..errors import ReconstructionError
+from ..errors import ReconstructionError, out_of_memory
+from ..threads import take_working_space
 
 #: Bytes below which not even the program and its networks fit.
 LEAST = 300_000_000
@@ -59,10 +55,7 @@ def limit_memory(limit: int | None) -> None:
         return
     import resource  # not there on Windows
 
-    # OpenBLAS waits for ever for working space that it does not get, so both of them
-    # (NumPy's and SciPy's) take theirs first.
-    A = np.ones((256, 256))
-    dgemm(1.0, A @ A, cholesky(np.eye(256)))
+    take_working_space()
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     if hard != resource.RLIM_INFINITY:
         limit = min(limit, hard)
@@ -81,11 +74,9 @@ def held_to() -> int | None:
 
 def for_want_of_memory(error: BaseException | None) -> bool:
     """Whether an error, or the one that it replaced, is that memory ran out."""
-    if error is None or isinstance(error, MemoryError):
-        return error is not None
-    if isinstance(error, cv2.error) and error.code == cv2.Error.StsNoMem:
-        return True
-    return for_want_of_memory(error.__context__)
+    if error is None:
+        return False
+    return out_of_memory(error) or for_want_of_memory(error.__context__)
 
 
 def too_little(folder: str, limit: int | None) -> str:

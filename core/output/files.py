@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -43,33 +43,35 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
     why = why_not_writable(target)
     if why:
         raise ReconstructionError(f"{target}: {why}.")
+    # The name is known before the file is there, so that an interruption at any moment
+    # finds what to remove.
+    word = f".{target.stem[:40]}-{secrets.token_hex(4)}{target.suffix}"
+    temporary = target.with_name(word)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            prefix=f".{target.stem[:40]}-", suffix=target.suffix, dir=target.parent
-        )
-    except OSError as error:
-        raise ReconstructionError(
-            f"{target}: cannot be written ({error.strerror}); choose another folder."
-        ) from error
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        # mkstemp makes files private to the user; give the usual permissions.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            temporary.open("xb").close()
+        except OSError as error:
+            raise ReconstructionError(
+                f"{target}: cannot be written ({error.strerror}); choose another "
+                "folder."
+            ) from error
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
+        _remove(temporary)
         raise ReconstructionError(
             f"{target}: cannot be written ({error.strerror or error}); "
             "check the free space and the permissions of its folder."
         ) from error
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        _remove(temporary)
         raise
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        path.unlink()
 
 
 def why_not_writable(path: Path) -> str:

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..progress import Tick, no_tick
 from ..surface.bspline import BSplineSurface, grid_parameters, grid_triangles
 from .pictures import encode_png as encode_png  # the add-on finds it here
 
@@ -359,6 +360,7 @@ def render_views(
     shading: float = 1.0,
     resolution: int = 220,
     background: Sequence[int] = (255, 255, 255),
+    tick: Tick = no_tick,
 ) -> npt.NDArray[np.uint8]:
     """Views of a face side by side at one scale.
 
@@ -374,6 +376,8 @@ def render_views(
         As in :func:`shaded_view`.
     resolution : int
         Samples along u and v.
+    tick : callable, optional
+        Called before each view.
 
     Returns
     -------
@@ -390,6 +394,7 @@ def render_views(
     mm_per_pixel = max(spread[1] for spread in spreads) / (0.94 * height)
     pictures = []
     for rotation, spread in zip(rotations, spreads, strict=True):
+        tick()
         width = int(np.ceil(spread[0] / mm_per_pixel / 0.94))
         turned = (grid.points[used] - middle) @ rotation.T
         shift = (turned.min(axis=0) + turned.max(axis=0)) / 2

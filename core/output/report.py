@@ -9,7 +9,9 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+from collections.abc import Callable
 from dataclasses import asdict, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from ..progress import Tick, no_tick
 from . import maps, plots
 from .colour import to_picture
 from .files import write_bytes, write_text
@@ -42,6 +45,7 @@ def write_report(
     textured: bool = True,
     timings: bool = True,
     companions: bool = True,
+    progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Write the page of a reconstruction.
 
@@ -60,6 +64,8 @@ def write_report(
         Leave out what differs between two equal runs when False.
     companions : bool
         Also write the JSON and the PNG.
+    progress : callable, optional
+        Called with the fraction done.
 
     Returns
     -------
@@ -72,20 +78,28 @@ def write_report(
         When a file cannot be written.
     """
     path = Path(path)
+    tell = progress or (lambda fraction: None)
     if not path.suffix:
         path = path.with_suffix(".html")
     if texture is None and textured and reconstruction.photos:
-        texture = bake_texture(reconstruction, TEXTURE_SIZE)
+        texture = bake_texture(reconstruction, TEXTURE_SIZE, lambda x: tell(0.5 * x))
     title = title or _title(reconstruction, path)
     facts = report_facts(reconstruction, title, timings)
-    pictures = report_pictures(reconstruction, texture)
+    tell(0.5)
+    pictures = report_pictures(reconstruction, texture, partial(tell, 0.5))
+    tell(0.8)
     if companions:
         write_text(path.with_suffix(".json"), to_json(facts, indent=1) + "\n")
         sheet = summary_sheet(reconstruction, facts, pictures)
+        tell(0.85)
         write_bytes(path.with_suffix(".png"), encode_png(sheet))
     drawn = report_plots(reconstruction)
+    tell(0.9)
     text = page(facts, pictures, drawn, thumbnails(reconstruction))
-    return write_text(path, text)
+    tell(0.95)
+    written = write_text(path, text)
+    tell(1.0)
+    return written
 
 
 def report_facts(
@@ -131,32 +145,35 @@ def report_facts(
 
 
 def report_pictures(
-    reconstruction: Any, texture: Texture | None = None
+    reconstruction: Any, texture: Texture | None = None, tick: Tick = no_tick
 ) -> dict[str, npt.NDArray[np.uint8]]:
-    """The page's pictures by name, (h, w, 3) uint8."""
+    """The page's pictures by name, (h, w, 3) uint8; ``tick`` before each of them."""
     surface, template = reconstruction.surface, reconstruction.template
-    pictures = {"views": render_views(surface, template, height=460)}
+    pictures = {"views": render_views(surface, template, height=460, tick=tick)}
     if texture is not None:
         skin = to_picture(texture.mean)
         pictures["textured"] = render_views(
-            surface, template, height=460, colours=skin, shading=0.15
+            surface, template, height=460, colours=skin, shading=0.15, tick=tick
         )
         pictures["albedo"] = _square(to_picture(texture.albedo), 420)
         pictures["mean"] = _square(skin, 420)
     for name, values in maps.derivative_maps(surface).items():
+        tick()
         pictures[f"map_{name}"] = _map_picture(values, name)
+    on_face = partial(_on_face, surface, template, tick)
+    tick()
     residual = maps.residual_map(reconstruction.photometric)
     if residual is None and texture is not None:
         residual = np.asarray(texture.residual, float)
     if residual is not None:
-        pictures["residual"] = _on_face(surface, template, residual, 0.0, 0.2)
+        pictures["residual"] = on_face(residual, 0.0, 0.2)
     if reconstruction.confidence is not None:
         spread = maps.confidence_map(reconstruction.confidence)
-        pictures["confidence"] = _on_face(surface, template, spread, 0.0, 2.0)
+        pictures["confidence"] = on_face(spread, 0.0, 2.0)
     if texture is not None:
         seen = np.asarray(texture.photos_seen, float)
         top = max(float(np.nanmax(seen)), 1.0)
-        pictures["seen"] = _on_face(surface, template, seen, 0.0, top, "viridis")
+        pictures["seen"] = on_face(seen, 0.0, top, "viridis")
     return pictures
 
 
@@ -238,6 +255,7 @@ def _map_picture(values: npt.NDArray, name: str) -> npt.NDArray[np.uint8]:
 def _on_face(
     surface: Any,
     template: Any,
+    tick: Tick,
     values: npt.NDArray,
     low: float,
     high: float,
@@ -245,4 +263,6 @@ def _on_face(
 ) -> npt.NDArray[np.uint8]:
     """A map drawn on the face, three views."""
     colours = colour_map(values, low, high, name)
-    return render_views(surface, template, height=300, colours=colours, shading=0.35)
+    return render_views(
+        surface, template, height=300, colours=colours, shading=0.35, tick=tick
+    )

@@ -17,8 +17,9 @@ exported files v is turned round already, so the picture fits as it is.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import ReconstructionError
+from ..progress import Tick
 from .colour import to_picture
 from .pictures import write_png
 from .texture_blend import (
@@ -42,10 +44,12 @@ from .texture_blend import (
 from .texture_light import PhotoLights, estimate_lights, light_maps
 from .texture_views import (
     View,
-    look_all,
+    faces_of,
+    look,
     prefiltered,
     resized,
     sample,
+    surface_maps,
 )
 
 Picture = npt.NDArray[np.float32]
@@ -119,27 +123,30 @@ def bake_texture(
     if size is not None and not 64 <= size <= 8192:
         raise ValueError(f"texture size must be 64 to 8192 texels, got {size}")
     tell = progress or (lambda fraction: None)
-    views = look_all(reconstruction, COARSE)
-    tell(0.15)
+    faces = faces_of(reconstruction)
+    seen = zip(faces, photos, cameras, strict=True)
+    seen = _telling(seen, tell, 0.0, 0.12, len(photos))
+    views = [look(f, surface_maps(f, COARSE), p, c) for f, p, c in seen]
     size = size or natural_size(views)
-    sources = [
-        prefiltered(photo, view, size)
-        for photo, view in zip(photos, views, strict=True)
-    ]
-    coarse = np.stack(
-        [_coarse_sample(s, v) for s, v in zip(sources, views, strict=True)]
-    )
+    pairs = _telling(zip(photos, views, strict=True), tell, 0.12, 0.15, len(photos))
+    sources = [prefiltered(photo, view, size) for photo, view in pairs]
+    pairs = _telling(zip(sources, views, strict=True), tell, 0.15, 0.17, len(photos))
+    coarse = np.stack([_coarse_sample(s, v) for s, v in pairs])
     weight = np.stack([view.weight for view in views])
     weight *= _well_exposed(coarse)
+    tell(0.17)
     basis, front = light_maps(reconstruction.surface, COARSE)
-    lights = _lights(basis, front, coarse, weight)
+    lights = _lights(basis, front, coarse, weight, lambda: tell(0.19))
+    tell(0.22)
     shading = np.stack([lights.shading(i, basis) for i in range(len(views))])
     coarse /= shading
     # Dark places of a photo tell less about the skin.
     weight = weight * np.clip(shading.mean(axis=3), 0, 2) ** 2
     calm = _calmness(reconstruction)
     weight = weight * calm[:, None, None]
-    base, agreement = consensus(coarse, weight)
+    tell(0.24)
+    base, agreement = consensus(coarse, weight, lambda: tell(0.24))
+    tell(0.27)
     measured = measured_places(weight)
     counts = (weight > 0.15 * np.percentile(weight, 99)).sum(axis=0)
     average = weight
@@ -151,19 +158,19 @@ def bake_texture(
     )
     total = np.maximum(weight.sum(axis=0), 1e-12)[..., None]
     base = fill((weight[..., None] * coarse).sum(axis=0) / total, measured)
-    tell(0.3)
-    own = np.stack(
-        [coarse_band(picture, w > 0) for picture, w in zip(coarse, weight, strict=True)]
-    )
+    pairs = _telling(zip(coarse, weight, strict=True), tell, 0.28, 0.3, len(photos))
+    own = np.stack([coarse_band(picture, w > 0) for picture, w in pairs])
     smooth = coarse_band(base, np.ones_like(measured))
     inner = inner_part(measured)
     albedo = np.empty((size, size, 3), np.float32)
     for start in range(0, size, _TILE):
         rows = slice(start, min(start + _TILE, size))
-        fine = fine_band(sources, views, shading, own, weight, size, rows)
+        tell(0.3 + 0.65 * start / size)
+        tick = partial(tell, 0.3 + 0.65 * start / size)
+        fine = fine_band(sources, views, shading, own, weight, size, rows, tick)
         fine *= np.clip(resized(inner, size, rows), 0, 1)[..., None]
         albedo[rows] = resized(smooth, size, rows) + fine
-        tell(0.3 + 0.65 * rows.stop / size)
+    tell(0.95)
     measured_fine = resized(measured.astype(np.float32), size) > 0.5
     albedo = np.clip(albedo, 0, None)
     mean_light = lights.mean_shading(basis)
@@ -227,8 +234,17 @@ def _well_exposed(colours: Picture) -> Picture:
     )
 
 
+def _telling(
+    items: Iterable, tell: Callable[[float], None], low: float, high: float, count: int
+) -> Iterator:
+    """The items one after another, the fraction between low and high told before."""
+    for k, item in enumerate(items):
+        tell(low + (high - low) * k / count)
+        yield item
+
+
 def _lights(
-    basis: Picture, front: npt.NDArray, coarse: Picture, weight: Picture
+    basis: Picture, front: npt.NDArray, coarse: Picture, weight: Picture, tick: Tick
 ) -> PhotoLights:
     step = COARSE // _LIGHT
     part = slice(step // 2, None, step)
@@ -238,6 +254,7 @@ def _lights(
         weight[:, part, part].reshape(n, -1).astype(float),
         basis[part, part].reshape(-1, basis.shape[2]).astype(float),
         front,
+        tick=tick,
     )
     return lights
 

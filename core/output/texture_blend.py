@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..progress import Tick, no_tick
 from .texture_views import View, resized, sample
 
 Picture = npt.NDArray[np.float32]
@@ -53,7 +54,9 @@ def inner_part(measured: npt.NDArray[np.bool_]) -> Picture:
     return np.asarray(np.clip(away / (COARSE / 64), 0, 1), np.float32)
 
 
-def consensus(delit: Picture, weight: Picture) -> tuple[Picture, Picture]:
+def consensus(
+    delit: Picture, weight: Picture, tick: Tick = no_tick
+) -> tuple[Picture, Picture]:
     """Robust mean over photos, and how far each photo agrees with it.
 
     Starts at the weighted median of each channel: with many photos and few outliers
@@ -64,9 +67,10 @@ def consensus(delit: Picture, weight: Picture) -> tuple[Picture, Picture]:
     base : (S, S, 3) array
     agreement : (n, S, S) array in (0, 1]
     """
-    base = _weighted_median(delit, weight)
+    base = _weighted_median(delit, weight, tick)
     agreement = np.ones_like(weight)
     for _ in range(4):
+        tick()
         level = np.maximum(base.mean(axis=2), 1e-4)[..., None]
         square = (((delit - base) / level) ** 2).mean(axis=3)
         agreement = 1 / (1 + square / _SCALE**2)
@@ -78,10 +82,11 @@ def consensus(delit: Picture, weight: Picture) -> tuple[Picture, Picture]:
     return base.astype(np.float32), agreement.astype(np.float32)
 
 
-def _weighted_median(values: Picture, weight: Picture) -> Picture:
+def _weighted_median(values: Picture, weight: Picture, tick: Tick) -> Picture:
     """Over the first axis; (n, S, S, 3) and (n, S, S) to (S, S, 3)."""
     result = np.empty(values.shape[1:], np.float32)
     for row in range(values.shape[1]):
+        tick()
         part = values[:, row]
         order = np.argsort(part, axis=0)
         share = np.take_along_axis(
@@ -166,12 +171,14 @@ def fine_band(
     weight: Picture,
     size: int,
     rows: slice,
+    tick: Tick = no_tick,
 ) -> Picture:
     """Detail finer than the coarse band, for some rows of the texture."""
     detail, trust = [], []
     # Only photos of some weight: the rest cannot matter, and costs time.
     strongest = resized(weight.max(axis=0), size, rows)
     for i, view in enumerate(views):
+        tick()
         w = np.maximum(resized(weight[i], size, rows), 0)
         w = np.where(w > 0.1 * strongest, w, 0)
         if not w.any():
@@ -186,6 +193,7 @@ def fine_band(
     mean = np.zeros(stack.shape[1:], np.float32)
     robust = weights
     for _ in range(3):
+        tick()
         total = np.maximum(robust.sum(axis=0), 1e-12)[..., None]
         mean = (robust[..., None] * stack).sum(axis=0) / total
         square = ((stack - mean) ** 2).mean(axis=3)

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..evidence.shadowing import sky
+from ..progress import Tick, no_tick
 from ..surface.bspline import BSplineSurface
 from .texture_views import resized, texel_centres
 
@@ -97,6 +98,7 @@ def estimate_lights(
     basis: Array,
     front: Array,
     iterations: int = 6,
+    tick: Tick = no_tick,
 ) -> tuple[PhotoLights, Array]:
     """Lights of all photos and the albedo of the sample points.
 
@@ -111,6 +113,8 @@ def estimate_lights(
     front : (k,) array
         As in `PhotoLights`.
     iterations : int
+    tick : callable, optional
+        Called for each photo in every iteration.
 
     Returns
     -------
@@ -126,6 +130,7 @@ def estimate_lights(
     lights = np.zeros((n, basis.shape[1], 3))
     for step in range(iterations):
         for i in range(n):
+            tick()
             for c in range(3):
                 lights[i, :, c] = _fit_light(
                     intensity[i, :, c], albedo[:, c], weight[i], basis

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from ..evidence.camera import PARAMETERS, Camera
+from ..progress import Tick, no_tick
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.prior import ShapePrior
 from ..surface.template import Template
@@ -103,8 +104,12 @@ def adjust(
     seen: Observations,
     cameras: Sequence[Camera],
     options: BundleOptions = BundleOptions(),  # noqa: B008 (frozen)
+    tick: Tick = no_tick,
 ) -> Bundle:
-    """Cameras, landmark structure, expressions and the surface that follows them."""
+    """Cameras, landmark structure, expressions and the surface that follows them.
+
+    ``tick`` is called once a photo in every iteration.
+    """
     f, n = len(seen.index), len(cameras)
     uv = template.landmark_uv[seen.index]
     start = template.landmark_xyz[seen.index]
@@ -129,6 +134,7 @@ def adjust(
         blocks = []
         residual, weight = np.zeros((n, f)), np.zeros((n, f))
         for i, camera in enumerate(cameras):
+            tick()
             Q = start + m + E @ e[i]
             p, J, C = camera.jacobians(Q)
             r = (seen.pixels[i] - p) / camera.s

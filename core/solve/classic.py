@@ -18,6 +18,7 @@ from ..evidence.photometric import (
 )
 from ..evidence.photos import Photo
 from ..evidence.sampling import smooth_photo, view_weights
+from ..progress import Tick, no_tick
 from ..settings import Settings
 from ..surface.bspline import BSplineSurface
 from ..surface.template import Template
@@ -38,15 +39,18 @@ def sample_photos(
     cameras: Sequence[Camera],
     uv: Array,
     blur_mm: float = BLUR_MM,
+    tick: Tick = no_tick,
 ) -> tuple[Array, Array]:
     """The matrix ``M`` of section 2.2.1 and its visibility weights, ``(n, p)`` each.
 
-    Intensities are luminances over the median of their photo.
+    Intensities are luminances over the median of their photo. ``tick`` is called for
+    each of them.
     """
     view = view_weights(surface, cameras, uv)
     points = surface.evaluate(*uv.T)
     M = np.zeros_like(view)
     for i, (photo, camera) in enumerate(zip(photos, cameras, strict=True)):
+        tick()
         value, _, inside = smooth_photo(photo, camera, blur_mm).read(
             camera.project(points)
         )
@@ -63,6 +67,7 @@ def run_imls(
     seen: Observations,
     settings: Settings,
     on_state: Callable[[ImlsState], None],
+    tick: Tick = no_tick,
 ) -> tuple[BSplineSurface, tuple[Camera, ...], PhotometricEvidence]:
     """Run Algorithm 1 to its end.
 
@@ -75,6 +80,8 @@ def run_imls(
         ``method`` "paper" or "imls", ``lam``, ``zeta``, ``outer_passes``.
     on_state : callable
         Gets each state; may raise to stop.
+    tick : callable, optional
+        Called for each photo that is sampled and in each robust step.
 
     Returns
     -------
@@ -97,7 +104,8 @@ def run_imls(
             for p, c in zip(photos, cameras, strict=True)
             if isinstance(c, Camera)
         ]
-        return sample_photos([p for p, _ in pairs], surface, [c for _, c in pairs], uv)
+        shown, seen_by = [p for p, _ in pairs], [c for _, c in pairs]
+        return sample_photos(shown, surface, seen_by, uv, tick=tick)
 
     steps = paper_steps(
         marks,
@@ -108,17 +116,15 @@ def run_imls(
         shading=ShadingParameters(lam=settings.lam),
     )
     if settings.method == "imls":
-        steps = replace(steps, photometric=_robust(sample, uv, settings))
+        steps = replace(steps, photometric=_robust(sample, uv, settings, tick))
     state = None
-    for state in imls(
-        template.surface, uv, steps, Limits(outer=settings.outer_passes)
-    ):
+    for state in imls(template.surface, uv, steps, Limits(outer=settings.outer_passes)):
         on_state(state)
     assert state is not None
     cameras = tuple(c for c in state.cameras if isinstance(c, Camera))
     M, view = sample(state.surface, state.cameras)
     normals, albedo, lights, W = robust_normals(
-        M, view, state.surface.normals(*uv.T), noise=settings.intensity_noise
+        M, view, state.surface.normals(*uv.T), noise=settings.intensity_noise, tick=tick
     )
     residual = M - albedo * (lights @ harmonics.basis(normals).T)
     evidence = PhotometricEvidence(
@@ -133,7 +139,7 @@ def run_imls(
     return state.surface, cameras, evidence
 
 
-def _robust(sample, uv: Array, settings: Settings) -> Steps | Any:
+def _robust(sample, uv: Array, settings: Settings, tick: Tick) -> Steps | Any:
     def photometric(surface, template, cameras) -> NormalField:
         M, view = sample(surface, cameras)
         normals, _, _, W = robust_normals(
@@ -142,6 +148,7 @@ def _robust(sample, uv: Array, settings: Settings) -> Steps | Any:
             surface.normals(*uv.T),
             order=4 if settings.light_degree == 1 else 9,
             noise=settings.intensity_noise,
+            tick=tick,
         )
         total = W.sum(0)
         return NormalField(normals, total / max(float(np.median(total)), 1e-9), None)

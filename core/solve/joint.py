@@ -34,6 +34,7 @@ from ..evidence.photometric import (
 from ..evidence.photos import Photo
 from ..evidence.sampling import smooth_photo, view_weights
 from ..evidence.shadowing import Sky, sky
+from ..progress import Tick, no_tick
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.prior import ShapePrior
 from ..surface.template import Template
@@ -177,6 +178,7 @@ def refine(
     seen: Observations,
     options: JointOptions = JointOptions(),  # noqa: B008 (frozen)
     photo_weights: Array | None = None,
+    tick: Tick = no_tick,
     held: Array | None = None,
 ) -> Iterator[JointState]:
     """Iterate the joint system from a motion result.
@@ -194,6 +196,8 @@ def refine(
     options : JointOptions
     photo_weights : (n,) array, optional
         How much each photo counts.
+    tick : callable, optional
+        Called between the parts of an iteration.
     held : (M*N,) array, optional
         Inverse variance (1/mm^2) of control points that belong where the template has
         them; 0 for free ones.
@@ -229,31 +233,37 @@ def refine(
     )
     for number, level in enumerate(options.levels):
         at = _samples(template, reference, surface, level, own, options)
-        fields = [
-            smooth_photo(q, c, level.blur_mm)
-            for q, c in zip(photos, x.cameras, strict=True)
-        ]
+        fields = []
+        for q, c in zip(photos, x.cameras, strict=True):
+            tick()
+            fields.append(smooth_photo(q, c, level.blur_mm))
         albedo = np.ones(len(at.uv))
         for turn in range(level.iterations):
+            tick()
             faces = [BSplineSurface(surface.control_points + e) for e in own]
             view = view_weights(
                 faces if own.any() else surface, x.cameras, at.uv, options.grazing
             )
             view *= weigh[:, None]
+            tick()
             X, N, up = _geometry(surface, at)
             X = np.broadcast_to(X, (n, *X.shape[1:]))
             value, by_camera, along = read_photos(
                 fields, x.cameras, X, at.T[0] @ directions, view
             )
             Y = np.stack([at.over.basis(k) for k in N])
+            tick()
             lights, albedo, W, r = estimate_lighting(
                 value, view * at.area, Y, x.lights, albedo, options.noise,
                 ridge=options.light_ridge,
             )  # fmt: skip
             x = x._replace(lights=lights)
+            tick()
             c, h, s = _rows(at, N, up, Y, lights, albedo, along, by_camera)
             scale = options.independence / options.noise**2
+            tick()
             blocks = normal_equations(at.T, c, h, s, scale * W, r)
+            tick()
             add_landmarks(
                 blocks, seen, x.cameras, surface, offset, mark_uv, mark_T, directions,
                 options.landmark_mm, options.landmark_weight,
@@ -261,6 +271,7 @@ def refine(
             _add_photo_priors(blocks, x.cameras, options)
             if held is not None:
                 add_held(blocks, held, home - (x.d + D @ x.a))
+            tick()
             dd, da, step, deviation = solve_bordered(
                 blocks, prior.smooth, shape, D, x.d + before[0], x.a + before[1]
             )
@@ -278,6 +289,7 @@ def refine(
             )
             moved = ((x.d + D @ x.a)[:, None] * directions).reshape(*shape, 3)
             surface = BSplineSurface(reference.control_points + moved)
+            tick()
             last = (number + 1, turn + 1) == (len(options.levels), level.iterations)
             yield JointState(
                 surface=surface,

@@ -262,6 +262,10 @@ def test_damaged_files_leave_stderr_alone(tmp_path, capfd):
         path = tmp_path / f"{number}.jpg"
         path.write_bytes(data)
         read_photo(path)
+    for ending in (".bmp", ".ppm", ".jp2", ".tif"):
+        data = encoded(ending, corners_picture())
+        path.write_bytes(data[: len(data) // 2])
+        assert not read_photo(path)
     assert capfd.readouterr().err == ""
 
 

@@ -1,0 +1,211 @@
+"""Interruptions, kills and cancels: old files or new ones, nothing between, no litter.
+
+Signals at random moments of whole runs: ``python tools/faults.py``.
+"""
+
+import importlib.util
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from bsface.cli.stopping import stoppable
+from bsface.errors import Cancelled, ReconstructionError, out_of_memory
+from bsface.output import files, report
+from bsface.output.files import replacing, write_bytes
+from bsface.output.texture import bake_texture
+from fake_face import painted_reconstruction, person_folder
+
+ROOT = Path(__file__).resolve().parents[2]
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+
+
+def tool():
+    path = ROOT / "tools" / "faults.py"
+    spec = importlib.util.spec_from_file_location("faults", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["faults"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+# --- files ---------------------------------------------------------------------------
+
+
+def interrupted_at(line: int, action) -> bool:
+    """Run the action, KeyboardInterrupt at the line-th line of files.py it comes to."""
+    count = 0
+
+    def trace(frame, event, argument):
+        nonlocal count
+        if frame.f_code.co_filename != files.__file__:
+            return None
+        # Tidying up is not interrupted: one signal, one interruption.
+        if event == "line" and count >= 0:
+            count += 1
+            if count == line:
+                count = -1
+                raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        action()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+def test_interrupted_at_every_line_of_writing(tmp_path):
+    """Before the move the old file, after it the new one, never anything else."""
+    path = tmp_path / "face.npz"
+    found = []
+    for line in range(1, 200):
+        path.write_bytes(b"old")
+        stopped = interrupted_at(line, lambda: write_bytes(path, b"the new one"))
+        assert os.listdir(tmp_path) == ["face.npz"], line
+        found.append(path.read_bytes())
+        if not stopped:
+            break
+    assert not stopped and len(found) > 15
+    change = found.index(b"the new one")
+    assert found[:change] == [b"old"] * change
+    assert set(found[change:]) == {b"the new one"}
+
+
+def test_failure_inside_the_block_keeps_the_old_file(tmp_path):
+    path = tmp_path / "face.npz"
+    path.write_bytes(b"old")
+    with pytest.raises(ZeroDivisionError), replacing(path) as temporary:
+        temporary.write_bytes(b"half")
+        raise ZeroDivisionError
+    assert os.listdir(tmp_path) == ["face.npz"] and path.read_bytes() == b"old"
+
+
+# --- signals -------------------------------------------------------------------------
+
+
+@POSIX
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_signals_interrupt_and_come_back(name):
+    number = getattr(signal, name)
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt), stoppable():
+        os.kill(os.getpid(), number)
+    assert signal.getsignal(number) is before
+
+
+@POSIX
+def test_what_others_handle_stays():
+    """``nohup``, and programs with handlers of their own."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stoppable():
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@POSIX
+def test_other_threads_leave_signals_alone():
+    inside = []
+
+    def work():
+        with stoppable():
+            inside.append(signal.getsignal(signal.SIGTERM))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert inside == [signal.getsignal(signal.SIGTERM)]
+
+
+@POSIX
+def test_batch_that_is_interrupted_leaves_whole_files_only(tmp_path):
+    """Ctrl-C reaches the workers too; none of them says a word."""
+    faults = tool()
+    for person in ("ann", "bob", "eve"):
+        person_folder(tmp_path / "people" / person, count=2, side=160)
+    out = tmp_path / "out"
+    words = ["batch", str(tmp_path / "people"), str(out), "--write=face.npz"]
+    words += ["--workers=1", "--set=method=motion", "--set=detector=false"]
+    with faults.start(words) as process:
+        assert process.stderr.readline() == "[1/3] ann: done\n"
+        _, code, said = faults.stop(process, "SIGINT", 0.3, whole_group=True)
+    assert code == 130
+    assert "bsface: interrupted" in said and "Traceback" not in said
+    left = faults.contents(out)
+    assert {"ann/face.npz", "ann/done.json"} <= set(left)
+    for name, content in left.items():
+        assert name.split("/")[1] in ("face.npz", "done.json")
+        assert content[:1] in (b"P", b"{")
+
+
+# --- cancel --------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def painted():
+    return painted_reconstruction(count=3, side=100)
+
+
+def stopped_after(calls, action):
+    """Whether the action stops when its progress raises at that call."""
+    seen = []
+
+    def progress(part):
+        assert 0 <= part <= 1 and (not seen or part >= seen[-1])
+        seen.append(part)
+        if len(seen) == calls:
+            raise Cancelled
+
+    try:
+        action(progress)
+    except Cancelled:
+        assert len(seen) == calls
+        return True
+    assert seen[-1] == 1
+    return False
+
+
+@pytest.mark.parametrize("calls", [1, 5, 30, 150])
+def test_texture_stops_at_any_call(painted, calls):
+    assert stopped_after(calls, lambda tell: bake_texture(painted, 64, tell))
+
+
+def test_page_stops_at_any_call_and_leaves_the_old_one(painted, tmp_path):
+    page = tmp_path / "face.html"
+    page.write_text("old")
+
+    def write(tell):
+        report.write_report(page, painted, textured=False, progress=tell)
+
+    for calls in (1, 4, 7):
+        assert stopped_after(calls, write)
+        assert page.read_text() == "old"
+    assert not stopped_after(1000, write)
+    assert page.read_text() != "old"
+
+
+# --- memory --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "error, short",
+    [
+        (MemoryError(), True),
+        (RuntimeError("SUPERLU_MALLOC failed for buf in doubleCalloc()"), True),
+        (OSError("std::bad_alloc"), True),
+        (ValueError("Unable to allocate 3 GiB"), True),
+        (ValueError("bad value"), False),
+        (ReconstructionError("Unable to allocate photos"), False),
+    ],
+)
+def test_want_of_memory_is_known_by_any_name(error, short):
+    assert out_of_memory(error) == short
