@@ -229,6 +229,19 @@ def strangers(rows: list[Row]) -> str:
     return markdown(rows, labels, columns)
 
 
+def reprojection(rows: list[Row]) -> str:
+    """A row a person: medians against detected and against true landmarks."""
+    columns = (
+        ("photos", "used", ".0f"),
+        ("report", "landmarks %", ".2f"),
+        ("seen", "surface %", ".2f"),
+        ("calm", "calm surface %", ".2f"),
+        ("detector", "detector, true %", ".2f"),
+        ("true", "surface, true %", ".2f"),
+    )
+    return markdown(rows, (("name", "photos of"),), columns)
+
+
 TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "sets": ("accuracy/accuracy.csv", by_set),
     "methods": ("accuracy/accuracy.csv", by_method),
@@ -237,6 +250,7 @@ TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "reliability": ("accuracy/reliability.csv", reliability),
     "halves": ("real_photos/halves.csv", halves),
     "held-out": ("real_photos/held_out.csv", held_out),
+    "reprojection": ("reprojection/reprojection.csv", reprojection),
     "strangers": ("strangers/strangers.csv", strangers),
 }
 
