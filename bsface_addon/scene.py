@@ -348,11 +348,14 @@ def light_views(context, kind):
             continue
         shading = area.spaces.active.shading
         shading.color_type = "TEXTURE"
+        now = (shading.light, shading.studio_light)
+        # Another light than these was chosen since, by the user or in another file.
+        ours = shading.light == "FLAT" or now == SKIN_LIGHT
         if kind != "PLAIN":
-            if LIGHT not in manager:
-                manager[LIGHT] = [shading.light, shading.studio_light]
+            if LIGHT not in manager or not ours:
+                manager[LIGHT] = now
             _light(shading, *(SKIN_LIGHT if material.is_lit(kind) else ("FLAT", "")))
-        elif LIGHT in manager:
+        elif LIGHT in manager and ours:
             _light(shading, *manager[LIGHT])
     if kind == "PLAIN":
         manager.pop(LIGHT, None)

@@ -64,6 +64,13 @@ def test_maps_without_light_and_back(face):
     assert {(s.light, s.studio_light) for s in views} == {("STUDIO", "paint.sl")}
     bpy.ops.bsface.surface_map(kind="PLAIN")
     assert {(s.light, s.studio_light) for s in views} == {("MATCAP", matcap)}
+    # A light that was chosen while a map is shown is the user's.
+    bpy.ops.bsface.surface_map(kind="NORMALS")
+    for shading in views:
+        shading.light, shading.studio_light = "STUDIO", "rim.sl"
+    bpy.ops.bsface.surface_map(kind="SKIN")
+    bpy.ops.bsface.surface_map(kind="PLAIN")
+    assert {(s.light, s.studio_light) for s in views} == {("STUDIO", "rim.sl")}
 
 
 def test_the_landmark_editor_gives_the_view_back(face):
