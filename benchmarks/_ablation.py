@@ -95,6 +95,9 @@ GROUPS: dict[str, list[Variant]] = {
     ],
     "light": [
         Variant("light of degree 1", {"light_degree": 1}),
+        Variant("light of degree 2", {"light_degree": 2}),
+        Variant("light of degree 4", {"light_degree": 4}),
+        Variant("no shadows", {"shadows": False}),
         Variant(
             "no robust weights",
             patches={"bsface.evidence.photometric._robust": _equal_weights},

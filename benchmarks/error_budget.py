@@ -5,9 +5,9 @@
     python benchmarks/error_budget.py --sets ict-a/S1 --rows "true cameras"
     python benchmarks/error_budget.py --setting iterations=2    quick look
 
-The rest of the program runs as it always does, with the same landmarks.  The albedo has
-no row: it is projected out of the system point by point, so that there is no place at
-which a true one could stand in for an estimate.  Written into ``--out``:
+The rest of the program runs as it always does, with the same landmarks.  Light and
+albedo of the renderer are not those of the model: what stands in for them is the light
+and the albedo that the model finds on the true face.  Written into ``--out``:
 ``error_budget.csv``.
 """
 
@@ -29,6 +29,7 @@ from _faces import surface_face
 from _methods import changed_settings
 from _sets import EVAL, ROOT, each_set, find_sets, load_measure, load_set, score
 from _table import averages, text_table, write_csv
+from _true_light import shading_held
 from _truth import Truth, fit_truth, true_cameras, true_landmarks, true_template
 from bsface.evidence.camera import PARAMETERS, Camera
 from bsface.evidence.gather import Gathered, gather
@@ -41,17 +42,23 @@ from bsface.surface.template import Template, load_template
 
 SETS = ["ict-a/S1", "ict-b/S1", "mh-c/S1"]
 CAMERAS, LANDMARKS, START, MEAN = "cameras", "landmarks", "start", "mean"
+LIGHTS, ALBEDO = "lights", "albedo"
 FLOOR, DEFAULT = "representation floor", "default"
 #: Row -> parts that are true in it, factor on the width of the prior.
 ROWS: dict[str, tuple[frozenset[str], float]] = {
     DEFAULT: (frozenset(), 1.0),
     "true cameras": (frozenset({CAMERAS}), 1.0),
     "true landmarks": (frozenset({LANDMARKS}), 1.0),
+    "true lights": (frozenset({LIGHTS}), 1.0),
+    "true albedo": (frozenset({ALBEDO}), 1.0),
     "true start": (frozenset({START}), 1.0),
     "prior mean at the truth": (frozenset({MEAN}), 1.0),
     "wide prior": (frozenset(), 2.0),
-    "true cameras and landmarks": (frozenset({CAMERAS, LANDMARKS}), 1.0),
-    "all but the photos true": (frozenset({CAMERAS, LANDMARKS, MEAN}), 1.0),
+    "narrow prior": (frozenset(), 0.5),
+    "all of these true": (
+        frozenset({CAMERAS, LANDMARKS, LIGHTS, ALBEDO, MEAN}),
+        1.0,
+    ),
     FLOOR: (frozenset(), 1.0),
 }
 #: Precision that holds a camera's parameters where they are.
@@ -167,6 +174,11 @@ def replaced(
             model = true_template(model, truth)
         if CAMERAS in true:
             stack.enter_context(cameras_held(cameras))
+        if {LIGHTS, ALBEDO} & true:
+            held = shading_held(
+                truth, cameras, gathered.photos, LIGHTS in true, ALBEDO in true
+            )
+            stack.enter_context(held)
         if START in true:
             stack.enter_context(started_at(truth, cameras))
         return solve(gathered, settings, model).surface

@@ -47,9 +47,9 @@ CHOICES = {
         "1": ("1", "Four numbers for each light, as in the paper"),
         "2": ("2", "Nine numbers: soft light"),
         "3": ("3", "Sixteen numbers"),
-        "4": ("4", "Twenty-five numbers: hard light too"),
+        "4": ("4", "Twenty-five numbers: hard light too, in half the time"),
         "5": ("5", "Thirty-six numbers"),
-        "6": ("6", "Forty-nine numbers"),
+        "6": ("6", "Forty-nine numbers: hard light"),
     },
 }
 # Shown first; all others are for those who know the method.

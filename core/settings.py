@@ -78,7 +78,7 @@ class Settings:
         displacement that the modes cannot express.
     light_degree : int
         Of the spherical harmonics of each photo's light: 1 is the paper's model (four
-        numbers), 2 suffices without shadows, 4 (25 numbers) follows hard light.
+        numbers), 2 suffices without shadows, 6 (49 numbers) follows hard light.
     shadows : bool
         Account for the shadows that the face casts on itself.
     intensity_noise : float
@@ -110,7 +110,7 @@ class Settings:
     expression_modes: float = 0.7
     smooth_mm: float = 1.0
     smooth_length: float = 0.12
-    light_degree: int = 4
+    light_degree: int = 6
     shadows: bool = True
     intensity_noise: float = 0.06
     independence: float = 0.5

@@ -68,7 +68,7 @@ def sky(surface: BSplineSurface, uv: Array, degree: int, shadows: bool = True) -
     surface : BSplineSurface
     uv : (p, 2) array
     degree : int
-        Of the light: 1 (4 harmonics), 2 (9), 3 (16) or 4 (25).
+        Of the light, which has (degree + 1)^2 harmonics.
     shadows : bool
         False leaves the surface's own shadows out.
     """

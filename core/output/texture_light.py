@@ -25,7 +25,7 @@ Picture = npt.NDArray[np.float32]
 
 #: Shading is not allowed below this part of a photo's mean: there is no dividing by it.
 DARKEST = 0.12
-#: Degree of the light's harmonics, as in the reconstruction.
+#: Degree of the light's harmonics; the reconstruction's own 6 is for its shape.
 DEGREE = 4
 _SKY = 128  # texels a side on which the harmonics are integrated over the open sky
 _SCALE = 0.15  # Cauchy scale of the relative residual

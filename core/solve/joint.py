@@ -74,7 +74,7 @@ class JointOptions:
     independence: float = 0.5  #: share of the samples that count as independent
     landmark_mm: float = 1.5  #: standard deviation of a landmark in one photo
     landmark_weight: float = 0.05
-    degree: int = 4  #: of the light's spherical harmonics, 1 to 6
+    degree: int = 6  #: of the light's spherical harmonics, 1 to 6
     shadows: bool = True  #: of the face on itself
     grazing: float = 0.25  #: cosine of the viewing angle below which nothing is read
     distance_mm: float = 1200.0
