@@ -5,14 +5,14 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .clock import Clock
 from .errors import ReconstructionError, out_of_memory
 from .evidence import harmonics
 from .evidence.camera import Camera
@@ -20,15 +20,15 @@ from .evidence.coverage import shortcomings
 from .evidence.gather import Gathered, gather
 from .evidence.landmarks import Landmarks
 from .evidence.photometric import PhotometricEvidence
-from .evidence.photos import natural_key
 from .evidence.pose_linear import linear_pose
-from .progress import Progress, Step
-from .result import PhotoReport, Reconstruction
+from .photo_reports import photo_reports
+from .progress import Progress
+from .result import Reconstruction
 from .settings import Settings
 from .solve.bundle import Bundle, BundleOptions, Observations, adjust
 from .solve.classic import run_imls
 from .solve.edited import Held, edited_template, hold
-from .solve.expression import expression_moves, settle_expressions
+from .solve.expression import settle_expressions
 from .solve.frame import head_frame
 from .solve.joint import JointOptions, Level, refine
 from .solve.track import know
@@ -40,8 +40,6 @@ from .threads import one_blas_thread
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
-# Share of the whole time at which each stage ends, measured on 40 photos of 400 px.
-ENDS = {"photos": 0.05, "landmarks": 0.25, "motion": 0.3, "refine": 0.98, "output": 1.0}
 FEWEST_FOR_SHADING = 3
 # What the normal matrix cannot know: light and skin are not quite as modelled.
 # Added in quadrature it brings the stated deviation near the truth on the sets with
@@ -90,7 +88,7 @@ def reconstruct(
         Raised by ``progress``, passed on.
     """
     settings = settings or Settings()
-    clock = _Clock(progress)
+    clock = Clock(progress)
     with one_blas_thread(), _memory_told():
         model = _template(template, settings)
         settings = replace(settings, control_points=model.surface.shape)
@@ -124,11 +122,11 @@ def solve(
     gathered: Gathered,
     settings: Settings,
     template: Template,
-    clock: _Clock | None = None,
+    clock: Clock | None = None,
     held: Held | None = None,
 ) -> Reconstruction:
     """The reconstruction from photos whose landmarks are known."""
-    clock = clock or _Clock(None)
+    clock = clock or Clock(None)
     if not gathered.photos:
         raise ReconstructionError("No photo can be used; see the reasons per photo.")
     clock.tell("motion", 0, 1, "adjusting poses and landmarks")
@@ -177,7 +175,7 @@ def solve(
         expressions=shown.expressions,
     )
     result = _in_head_frame(result)
-    reports = _photo_reports(gathered, template, shown, seen, evidence)
+    reports = photo_reports(gathered, template, shown, seen, evidence)
     warnings = gathered.doubts + shortcomings(
         np.array([c.yaw_pitch_roll for c in result.cameras]),
         None if evidence is None else evidence.singular_values,
@@ -259,8 +257,15 @@ def _joint(
     state = None
     for k, state in enumerate(
         refine(
-            template, prior, bundle, gathered.photos, seen, options, weights,
-            progress.clock.tick, kept,
+            template,
+            prior,
+            bundle,
+            gathered.photos,
+            seen,
+            options,
+            weights,
+            progress.clock.tick,
+            kept,
         )  # fmt: skip
     ):
         progress.history.append(
@@ -347,9 +352,7 @@ def _template(given, settings: Settings) -> Template:
 
 def _in_head_frame(result: Reconstruction) -> Reconstruction:
     """The same result in the frame and size that results have."""
-    move = head_frame(
-        result.surface, result.template, result.settings.eye_distance_mm
-    )
+    move = head_frame(result.surface, result.template, result.settings.eye_distance_mm)
     evidence = result.photometric
     if evidence is not None:
         turn = harmonics.rotation(move.R, evidence.lights.shape[1])
@@ -368,80 +371,8 @@ def _in_head_frame(result: Reconstruction) -> Reconstruction:
     )
 
 
-def _photo_reports(gathered, template, shown: Bundle, seen, evidence):
-    """One line a photo, in the order of their names."""
-    reports = [PhotoReport(f.name, f.code, f.reason) for f in gathered.failures]
-    moves = expression_moves(template, seen, shown.expressions.shape[1])
-    for i, photo in enumerate(gathered.photos):
-        known = seen.weight[i] > 0
-        camera = shown.cameras[i]
-        points = shown.structure + moves @ shown.expressions[i]
-        away = np.linalg.norm(camera.project(points) - seen.pixels[i], axis=1)
-        eye = camera.s * template.eye_distance
-        yaw, pitch, roll = camera.yaw_pitch_roll
-        residual = weight = float("nan")
-        if evidence is not None:
-            w = evidence.weights[i]
-            r = evidence.residual[i]
-            residual = float(np.sqrt((w * r**2).sum() / max(w.sum(), 1e-12)))
-            weight = float(w[w > 0].mean()) if (w > 0).any() else 0.0
-        reports.append(
-            PhotoReport(
-                photo.name,
-                "used",
-                gathered.landmarks[i].note,
-                float(100 * np.median(away[known]) / eye),
-                float(yaw),
-                float(pitch),
-                float(roll),
-                residual,
-                weight,
-            )
-        )
-    return tuple(sorted(reports, key=lambda r: natural_key(r.name)))
-
-
 class _Progress(NamedTuple):
     """Where the stages write what they did."""
 
     history: list[dict[str, Any]]
-    clock: _Clock
-
-
-@dataclass
-class _Clock:
-    """Progress as one fraction over all stages, and the time of each."""
-
-    progress: Callable[[Step], None] | None
-
-    def __post_init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self.last = time.perf_counter()
-        self.newest: Step | None = None
-
-    def lap(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.seconds[stage] = now - self.last
-        self.last = now
-
-    def nested(self, stage: str) -> Progress | None:
-        """A callback for a stage that reports its own fraction."""
-        if self.progress is None:
-            return None
-        tell = self.progress
-        return lambda step: tell(replace(step, overall=step.overall * ENDS[stage]))
-
-    def tell(self, stage: str, done: int, total: int, message: str) -> None:
-        if self.progress is None:
-            return
-        names = list(ENDS)
-        k = names.index(stage)
-        low = ENDS[names[k - 1]] if k else 0.0
-        overall = low + (ENDS[stage] - low) * done / max(total, 1)
-        self.newest = Step(stage, done, total, overall, message)
-        self.progress(self.newest)
-
-    def tick(self) -> None:
-        """The newest step again: no news, but a chance to stop."""
-        if self.progress is not None and self.newest is not None:
-            self.progress(self.newest)
+    clock: Clock

@@ -159,9 +159,7 @@ def robust_normals(
     for _ in range(rounds):
         tick()
         Y = harmonics.basis(normals, order)
-        lights, albedo, W, r = estimate_lighting(
-            values, view, Y, lights, albedo, noise
-        )
+        lights, albedo, W, r = estimate_lighting(values, view, Y, lights, albedo, noise)
         t1, t2 = tangents(normals)
         turn = np.einsum("ik,pkx->ipx", lights, harmonics.slope(normals, order))
         turn = albedo[None, :, None] * turn

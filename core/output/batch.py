@@ -248,9 +248,7 @@ def _on_processes(
                 yield outcomes[0] if outcomes else Outcome(name, "failed", reason)
 
 
-def _one_pool(
-    jobs: dict[str, tuple], workers: int, memory: int | None
-) -> Outcomes:
+def _one_pool(jobs: dict[str, tuple], workers: int, memory: int | None) -> Outcomes:
     """Outcomes of one pool until all are done or one of its processes dies."""
     # A fresh interpreter for every person: nothing is inherited, all memory returns.
     pool = ProcessPoolExecutor(

@@ -281,10 +281,7 @@ def refine(
             x = _Unknowns(
                 x.d + damp * dd,
                 x.a + damp * da,
-                [
-                    k.moved(y[:PARAMETERS])
-                    for k, y in zip(x.cameras, step, strict=True)
-                ],
+                [k.moved(y[:PARAMETERS]) for k, y in zip(x.cameras, step, strict=True)],
                 lights + step[:, PARAMETERS:],
             )
             moved = ((x.d + D @ x.a)[:, None] * directions).reshape(*shape, 3)
@@ -333,9 +330,7 @@ def _samples(template, reference, surface, level, own, options) -> _Samples:
 
 def _geometry(surface: BSplineSurface, at: _Samples):
     """Points; normals and surface gradients: once, or for each photo's own face."""
-    X, fu, fv = (
-        t @ surface.vector + m for t, m in zip(at.T, at.moves, strict=True)
-    )
+    X, fu, fv = (t @ surface.vector + m for t, m in zip(at.T, at.moves, strict=True))
     N = np.cross(fv, fu)
     N /= np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-12)
     up = [contravariant(a, b) for a, b in zip(fu, fv, strict=True)]

@@ -47,9 +47,7 @@ def bending_matrix(shape: tuple[int, int]) -> sparse.csr_array:
     m, n = shape
     g0u, g1u, g2u = (_gram(m, k) for k in range(3))
     g0v, g1v, g2v = (_gram(n, k) for k in range(3))
-    energy = (
-        sparse.kron(g2u, g0v) + 2 * sparse.kron(g1u, g1v) + sparse.kron(g0u, g2v)
-    )
+    energy = sparse.kron(g2u, g0v) + 2 * sparse.kron(g1u, g1v) + sparse.kron(g0u, g2v)
     return sparse.csr_array(energy)
 
 

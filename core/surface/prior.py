@@ -87,9 +87,7 @@ class ShapePrior:
         left = np.einsum("pb,kbx->pxk", _dense(rows), self.modes, optimize=True)
         right = np.einsum("pb,kbx->pxk", _dense(T), self.modes, optimize=True)
         k = len(self.modes)
-        return left.reshape(-1, k) @ right.reshape(-1, k).T + np.kron(
-            smooth, np.eye(3)
-        )
+        return left.reshape(-1, k) @ right.reshape(-1, k).T + np.kron(smooth, np.eye(3))
 
 
 def _dense(matrix: sparse.csr_array | Array) -> Array:

@@ -13,12 +13,21 @@ ADDON = ROOT / "bsface_addon"
 
 # A module may import from its own floor and from those below. The ground under
 # the floors holds what everybody speaks: errors, settings, progress.
-GROUND = {"errors", "settings", "progress", "threads", "npz_arrays", "_start"}
+GROUND = {
+    "errors",
+    "settings",
+    "progress",
+    "clock",
+    "threads",
+    "npz_arrays",
+    "_start",
+}
 FLOORS = [
     "surface",
     "evidence",
     "solve",
     "result",
+    "photo_reports",
     "output",
     "reconstruct",
     "track",
