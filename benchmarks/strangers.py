@@ -7,8 +7,9 @@
 ``--people`` is a folder with one folder of photos a person, at least three people with
 35 photos each; it may be given again for another kind of pictures.  Folders are made at
 random: of one person, with one stranger, with five photos of another person, and of two
-people by halves.  The patterns of faces in general are made anew without the people of
-each folder, so nobody is known beforehand.  Into ``--out`` goes ``strangers.csv``:
+people by halves.  Faces in general are those stored; for the rendered people, of whom
+those are made, they are made anew without the people of each folder, so nobody is known
+beforehand.  Into ``--out`` goes ``strangers.csv``:
 
 wrong     photos of the person that are left out, in % of them; largest number in a
           folder; folders in which that happens, in %
@@ -28,9 +29,12 @@ from _sets import EVAL, ROOT
 from _table import text_table, write_csv
 from bsface.evidence.appearance import (
     Appearance,
+    General,
+    general_of,
     likeness,
     look,
     mean_pattern,
+    pattern_variance,
 )
 from bsface.evidence.gather import gather
 from bsface.evidence.same_person import tell_apart
@@ -57,8 +61,8 @@ COLUMNS = (
 
 # Person -> sets of photos; sets of one person are never mixed with each other.
 Kind = Mapping[str, Sequence[Appearance]]
-# Kind of pictures -> person -> the mean pattern of that person.
-Means = Mapping[str, Mapping[str, np.ndarray]]
+# Person -> mean pattern and variance of that person; None where the stored are used.
+Own = Mapping[str, tuple[np.ndarray, np.ndarray]] | None
 
 
 def main() -> None:
@@ -72,16 +76,14 @@ def main() -> None:
             raise SystemExit(f"{folder} holds fewer than two people with photos.")
         taken = time.perf_counter() - started
         print(f"{folder.name}: {', '.join(kind)}; landmarks {taken:.0f} s", flush=True)
-    means = {
-        name: {person: mean_pattern(sets[:1]) for person, sets in kind.items()}
-        for name, kind in kinds.items()
-    }
     rows = []
     for name, people in kinds.items():
+        # Of the rendered people the stored patterns are made.
+        known = own_patterns(people) if name == EVAL.name else None
         for mix, sizes in MIXES:
             for own, other in sizes:
                 rng = np.random.default_rng([options.seed, own, other])
-                row = trials(people, means, name, own, other, options.folders, rng)
+                row = trials(people, known, own, other, options.folders, rng)
                 rows.append({"pictures": name, "folder": mix, **row})
     print(text_table(rows, COLUMNS, [("pictures", "pictures"), ("folder", "folder")]))
     write_csv(options.out / "strangers.csv", rows)
@@ -122,8 +124,7 @@ def read_kind(folder: Path) -> Kind:
 
 def trials(
     people: Kind,
-    means: Means,
-    name: str,
+    known: Own,
     own: int,
     other: int,
     folders: int,
@@ -131,7 +132,7 @@ def trials(
 ) -> dict[str, float]:
     """Random folders with ``own`` photos of one person and ``other`` of another."""
     counts = np.array(
-        [one_folder(people, means, name, own, other, rng) for _ in range(folders)]
+        [one_folder(people, known, own, other, rng) for _ in range(folders)]
     )
     wrong, doubt, found, told = counts.T
     return {
@@ -147,8 +148,7 @@ def trials(
 
 def one_folder(
     people: Kind,
-    means: Means,
-    name: str,
+    known: Own,
     own: int,
     other: int,
     rng: np.random.Generator,
@@ -162,7 +162,7 @@ def one_folder(
         np.concatenate([c.pattern for c in chosen])[order],
         np.concatenate([c.weight for c in chosen])[order],
     )
-    general = patterns(means, name, {p for p, _ in parts})
+    general = general_without(known, {p for p, _ in parts})
     found = tell_apart(*likeness(seen, general))
     stranger = order >= own
     left_out = np.ones(own + other, bool)
@@ -191,16 +191,19 @@ def draw(
     return Appearance(chosen.pattern[some], chosen.weight[some])
 
 
-def patterns(means: Means, name: str, without: set[str]) -> np.ndarray:
-    """Patterns of faces in general, one of each kind, without some people of one."""
-    maps = []
-    for kind, people in means.items():
-        left = [m for p, m in people.items() if kind != name or p not in without]
-        if left:
-            maps.append(np.mean(left, 0))
-    if not maps:
+def own_patterns(people: Kind) -> Own:
+    """Mean pattern and variance of each person."""
+    return {p: (mean_pattern(s), pattern_variance(s)) for p, s in people.items()}
+
+
+def general_without(known: Own, without: set[str]) -> General | None:
+    """Faces in general made of all people but some; None for those stored."""
+    if known is None:
+        return None
+    left = [patterns for person, patterns in known.items() if person not in without]
+    if not left:
         raise SystemExit("More people are needed: some must be left for comparison.")
-    return np.stack(maps)[:, None]
+    return general_of(left)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 """Builds ``core/data/patterns.npz``: what the look of most faces has in common.
 
-    python tools/build_patterns.py --kind REAL/anna REAL/bert --kind MADE/carl MADE/dora
+    python tools/build_patterns.py FOLDER
 
-Each ``--kind`` lists folders with photos of one person each, at least two; more people
-make better patterns, more photos of one do not.  A pattern is the mean, over all people
-of a kind but one and their mirror images, of the contrast that
-`bsface.evidence.appearance` reads at 96 x 96 places of the face, in hundredths: as many
-patterns as people, so that for each of them there is one without.  No photo can be had
-back from them.
+The folder holds one folder a person, at least two, each with photos or with the sets
+``S1`` to ``S5`` of photos of one expression or light each, in ``images``; people count
+the same whatever their number of photos.  Stored are, in hundredths, the mean patterns
+of contrast that `bsface.evidence.appearance` reads at 96 x 96 places of the face, over
+all people but one and their mirror images: as many as people, so that for each of them
+there is one without; and, in 1/200, the variance of a person's pattern.
 
-The stored file was made of two kinds: four people of Labeled Faces in the Wild, 35
-photos each, and three rendered people, 40 pictures each.
+The stored file was made of our own rendered pictures alone: three made-up people in 9
+sets of 40 pictures.  One of these sets is ``examples/photos``.
 """
 
 from __future__ import annotations
@@ -21,10 +21,19 @@ import io
 from pathlib import Path
 
 import numpy as np
-from bsface.evidence.appearance import PATTERNS, SIDE, look, mean_pattern
+from bsface.evidence.appearance import (
+    PATTERNS,
+    SIDE,
+    general_of,
+    look,
+    mean_pattern,
+    pattern_variance,
+)
 from bsface.evidence.gather import gather
 from bsface.output.files import write_bytes
 from bsface.settings import Settings
+
+SETS = ("S1", "S2", "S3", "S4", "S5")
 
 
 def main() -> None:
@@ -32,28 +41,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "--kind", nargs="+", type=Path, action="append", required=True, metavar="FOLDER"
-    )
+    parser.add_argument("folder", type=Path)
     parser.add_argument("--output", type=Path, default=PATTERNS)
     options = parser.parse_args()
     settings = Settings(one_person=False)
-    maps = []
-    for folders in options.kind:
-        people = []
-        for folder in folders:
+    people = []
+    for person in sorted(p for p in options.folder.iterdir() if p.is_dir()):
+        if person.name.endswith("-lambert"):
+            continue  # without a camera's response and noise
+        sets = []
+        named = [person / s / "images" for s in SETS if (person / s).is_dir()]
+        for folder in named or [person]:
             found = gather(folder, settings)
-            people.append(look(found.photos, found.landmarks))
+            sets.append(look(found.photos, found.landmarks))
             print(f"{folder}: {len(found.photos)} photos", flush=True)
-        without = [people[:k] + people[k + 1 :] for k in range(len(people))]
-        maps.append([mean_pattern(others)[:, : SIDE // 2] for others in without])
-    most = max(map(len, maps))
-    for kind in maps:  # kinds of fewer people repeat their first
-        kind += kind[:1] * (most - len(kind))
-    stored = np.clip(np.round(100 * np.array(maps)), -127, 127).astype(np.int8)
+        people.append((mean_pattern(sets), pattern_variance(sets)))
+    if len(people) < 2:
+        raise SystemExit(f"{options.folder} holds fewer than two people with photos.")
+    general = general_of(people, members=True)
+    half = SIDE // 2
+    mean = np.round(100 * general.mean[..., :half]).clip(-127, 127)
+    variance = np.round(200 * general.variance[:, :half]).clip(0, 255)
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, patterns=stored)
-    print(f"{write_bytes(options.output, buffer.getvalue())}: {stored.shape}")
+    np.savez_compressed(
+        buffer, mean=mean.astype(np.int8), variance=variance.astype(np.uint8)
+    )
+    print(f"{write_bytes(options.output, buffer.getvalue())}: {mean.shape}")
 
 
 if __name__ == "__main__":

@@ -6,10 +6,13 @@ intensity only the contrast with the close surroundings is kept, measured by its
 spread: light, exposure and skin tone drop out, and lines, folds and edges stay (brows,
 lids, wings of the nose).  Any two faces share most of such a pattern, so the pattern of
 faces in general is subtracted before patterns are correlated; what is left is what
-makes the person.  The lower half counts less, because smiling draws folds there.
+makes the person.  Places count the less, the more one person's pattern varies there
+with light, pose and expression; the lower half counts less once more, because smiling
+draws folds there.
 
-The general patterns are averages over photos of several people and their mirror images
-(``tools/build_patterns.py``), of real photos and of rendered ones.
+The general pattern and its variance are averages over pictures of several people and
+their mirror images (``tools/build_patterns.py``).  All of them are rendered: no photo
+of anybody is in what is stored.
 """
 
 from __future__ import annotations
@@ -41,9 +44,12 @@ SURROUNDINGS = 2.0  # Gaussian over which contrast is measured, cells
 FACING = 0.25  # cosine below which a cell counts as turned away
 BELOW_NOSE = 56  # row of the grid from which a cell counts `LOWER`
 LOWER = 0.5
-# How much of the general pattern is subtracted: more than once, because it is partly
-# hidden in each photo by what happens to be normalised with it.
-GENERAL = 1.25
+GENERAL = 0.9  # part of the general pattern that is subtracted
+# Likeness to the pattern without a person over that to the others: 0.74 to 0.86 for
+# photos of that person, 0.91 and more for people who are in none.
+KNOWN = 0.88
+STEADY = 0.02  # variance within a person below which places count alike
+VARIANCE_SMOOTH = 1.5  # of the variance, few people tell it; cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +68,22 @@ class Appearance:
     weight: Maps
 
 
+@dataclass(frozen=True, eq=False)
+class General:
+    """What faces in general show.
+
+    Attributes
+    ----------
+    mean : (m, SIDE, SIDE) float32 array
+        Patterns, each an average over some people: if m > 1, over all but one.
+    variance : (SIDE, SIDE) float32 array
+        Of one person's pattern over photos.
+    """
+
+    mean: Maps
+    variance: Maps
+
+
 def look(photos: Sequence[Photo], landmarks: Sequence[Landmarks]) -> Appearance:
     """The patterns of photos; landmarks must be those of the scheme 468."""
     shape = (len(photos), SIDE, SIDE)
@@ -72,15 +94,14 @@ def look(photos: Sequence[Photo], landmarks: Sequence[Landmarks]) -> Appearance:
     return Appearance(pattern, weight)
 
 
-def likeness(seen: Appearance, general: Maps | None = None) -> tuple[Array, Array]:
+def likeness(seen: Appearance, general: General | None = None) -> tuple[Array, Array]:
     """How alike the faces of any two photos are.
 
     Parameters
     ----------
     seen : Appearance
-    general : (k, m, SIDE, SIDE) array, optional
-        Patterns of faces in general, m of each kind of pictures; by default those
-        stored.
+    general : General, optional
+        Faces in general; by default those stored.
 
     Returns
     -------
@@ -89,11 +110,11 @@ def likeness(seen: Appearance, general: Maps | None = None) -> tuple[Array, Arra
     overlap : (n, n) array
         How much both see, 0 to 1; 0 on the diagonal.
     """
-    general = general_patterns() if general is None else general
+    general = stored_general() if general is None else general
     n = len(seen.pattern)
-    w = seen.weight.astype(float)
+    w = seen.weight / (general.variance + STEADY).astype(float)
     w[:, BELOW_NOSE:] *= LOWER
-    x = seen.pattern - GENERAL * _nearest_mixture(seen.pattern, w, general)
+    x = seen.pattern - GENERAL * _unlike(seen.pattern, w, general.mean)
     x, w = x.reshape(n, -1), w.reshape(n, -1)
     weighted = w * x
     energy = (weighted * x) @ w.T
@@ -106,35 +127,72 @@ def likeness(seen: Appearance, general: Maps | None = None) -> tuple[Array, Arra
 
 
 @lru_cache(maxsize=1)
-def general_patterns() -> Maps:
-    """The stored patterns of faces in general, ``(k, m, SIDE, SIDE)``."""
+def stored_general() -> General:
+    """The stored patterns of faces in general."""
     with np.load(PATTERNS, allow_pickle=False) as stored:
-        half = stored["patterns"].astype(np.float32) / 100
+        mean = stored["mean"].astype(np.float32) / 100
+        variance = stored["variance"].astype(np.float32) / 200
+    return General(_whole(mean), _whole(variance))
+
+
+def _whole(half: Maps) -> Maps:
     return np.concatenate([half, half[..., ::-1]], -1)
 
 
-def mean_pattern(people: Sequence[Appearance]) -> Maps:
-    """Pattern of faces in general: mean over people and mirror images."""
-    means = [(p.weight * p.pattern).sum(0) / (p.weight.sum(0) + 1e-3) for p in people]
-    mean = np.mean(means, 0, dtype=np.float32)
+def mean_pattern(sets: Sequence[Appearance]) -> Maps:
+    """Pattern of one person: mean over sets of photos and mirror images."""
+    mean = np.mean([_mean(s) for s in sets], 0, dtype=np.float32)
     return np.asarray((mean + mean[:, ::-1]) / 2, np.float32)
 
 
-def _nearest_mixture(pattern: Maps, weight: Array, general: Maps) -> Maps:
-    """The mixture of kinds that is nearest to the photos' mean.
+def pattern_variance(sets: Sequence[Appearance]) -> Maps:
+    """Variance within the sets of one person, mean over them and mirror images."""
+    each = [_mean(Appearance((s.pattern - _mean(s)) ** 2, s.weight)) for s in sets]
+    mean = np.mean(each, 0, dtype=np.float32)
+    return np.asarray((mean + mean[:, ::-1]) / 2, np.float32)
 
-    Of each kind the member that is least like that mean is taken: the person of the
-    photos may be among the people of the others.
+
+def _mean(seen: Appearance) -> Maps:
+    total = (seen.weight * seen.pattern).sum(0)
+    return np.asarray(total / (seen.weight.sum(0) + 1e-3), np.float32)
+
+
+def general_of(people: Sequence[tuple[Maps, Maps]], members: bool = False) -> General:
+    """Faces in general from the mean patterns and variances of people.
+
+    Parameters
+    ----------
+    people : sequence of (mean, variance)
+        See `mean_pattern`, `pattern_variance`.  Every person counts the same.
+    members : bool
+        As many patterns as people, each without one of them, instead of one pattern.
+    """
+    means = np.stack([mean for mean, _ in people])
+    variance = np.mean([v for _, v in people], 0, dtype=np.float32)
+    mean = means.mean(0, keepdims=True)
+    if members:
+        mean = (means.sum(0) - means) / (len(means) - 1)
+    smooth = cv2.GaussianBlur(variance, (0, 0), VARIANCE_SMOOTH)
+    return General(
+        np.asarray(mean, np.float32),
+        np.asarray((smooth + smooth[:, ::-1]) / 2, np.float32),
+    )
+
+
+def _unlike(pattern: Maps, weight: Array, members: Maps) -> Maps:
+    """The mean of the members, or that without the person of the photos.
+
+    If the photos are much less like one member than like the others, the person is one
+    of those that the patterns are made of, and that member is without the person.
     """
     mean = ((weight * pattern).sum(0) / (weight.sum(0) + 0.5)).ravel()
     w = weight.mean(0).ravel()
-    members = general.reshape(*general.shape[:2], -1)
-    along = (members * w) @ mean / np.sqrt((members**2 * w).sum(2) + 1e-9)
-    A = members[np.arange(len(members)), along.argmin(1)]
-    gram = (A * w) @ A.T + 1e-6 * np.eye(len(A))
-    share = np.clip(np.linalg.solve(gram, (A * w) @ mean), 0, None)
-    share = share / share.sum() if share.sum() > 0 else np.full(len(A), 1 / len(A))
-    return np.asarray((share @ A).reshape(general.shape[2:]), np.float32)
+    flat = members.reshape(len(members), -1)
+    along = (flat * w) @ mean / np.sqrt((flat**2 * w).sum(1) + 1e-9)
+    least, *others = np.argsort(along)
+    if others and along[least] < KNOWN * along[others[0]]:
+        return np.asarray(members[least], np.float32)
+    return np.asarray(members.mean(0), np.float32)
 
 
 @dataclass(frozen=True, eq=False)

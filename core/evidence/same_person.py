@@ -9,7 +9,7 @@ belongs to the rest if it is about as like the rest as the rest is among itself.
   both have inside.  Groups come from the leading eigenvectors of the matrix, each
   refined until every photo is in the group that it is more like.
 
-Both ratios are near 1 for one person and 0.1 to 0.6 for two.  The split that looks
+Both ratios are near 1 for one person and 0.1 to 0.7 for two.  The split that looks
 worst falls with few photos even for one person, so the limits fall with them.
 """
 
@@ -33,10 +33,10 @@ FEWEST = 5  # photos; with fewer nothing is said
 # Chosen so that folders of one person stay whole; `benchmarks/strangers.py` tells how
 # often they do, and how many strangers are found.
 ONE, ONE_FALL = 0.45, 0.35
-GROUP, GROUP_FALL, GROUP_MOST = 0.8, 1.9, 0.46
+GROUP, GROUP_FALL, GROUP_MOST = 0.72, 1.1, 0.53
 NOISE_FALL = 10.0  # less fall where the likeness of pairs hardly scatters
 SIMILAR = 0.25  # of the person's photos; a larger group may be the one that was meant
-ONE_DOUBT, GROUP_DOUBT = 0.08, 0.04  # limits of a doubt lie this much higher
+ONE_DOUBT, GROUP_DOUBT = 0.06, 0.04  # limits of a doubt lie this much higher
 
 
 @dataclass(frozen=True, eq=False)

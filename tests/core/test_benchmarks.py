@@ -352,8 +352,8 @@ def drawn_people(count, photos, rng):
 def test_strangers_are_counted(own, other):
     rng = np.random.default_rng(own + other)
     people = drawn_people(4, 12, rng)
-    means = {"drawn": {p: strangers.mean_pattern(s) for p, s in people.items()}}
-    row = strangers.trials(people, means, "drawn", own, other, 5, rng)
+    known = strangers.own_patterns(people)
+    row = strangers.trials(people, known, own, other, 5, rng)
     assert row["photos"] == own + other
     assert row["wrong"] == row["wrong_most"] == row["wrong_folders"] == 0
     assert row["doubts"] == 0
@@ -361,6 +361,9 @@ def test_strangers_are_counted(own, other):
 
 
 def test_nobody_of_a_folder_is_known_beforehand():
-    means = {"a": {"x": np.ones((2, 2)), "y": 3 * np.ones((2, 2))}, "b": {}}
-    left = strangers.patterns(means, "a", {"x"})
-    np.testing.assert_array_equal(left, 3 * np.ones((1, 1, 2, 2)))
+    ones = np.ones((4, 4), np.float32)
+    known = {"x": (ones, ones), "y": (3 * ones, 2 * ones)}
+    left = strangers.general_without(known, {"x"})
+    np.testing.assert_array_equal(left.mean, 3 * ones[None])
+    np.testing.assert_allclose(left.variance, 2 * ones, rtol=1e-6)
+    assert strangers.general_without(None, {"x"}) is None

@@ -10,10 +10,13 @@ import pytest
 from bsface.errors import ReconstructionError
 from bsface.evidence.appearance import (
     Appearance,
-    general_patterns,
+    General,
+    general_of,
     likeness,
     look,
     mean_pattern,
+    pattern_variance,
+    stored_general,
 )
 from bsface.evidence.face_models import find_models
 from bsface.evidence.gather import gather
@@ -112,9 +115,42 @@ def test_too_few_photos_say_nothing(count):
 
 
 def test_general_patterns_are_their_own_mirror_images():
-    general = general_patterns()
-    assert np.isfinite(general).all() and np.ptp(general) > 0.3
-    np.testing.assert_array_equal(general, general[..., ::-1])
+    general = stored_general()
+    for stored in (general.mean, general.variance):
+        assert np.isfinite(stored).all() and np.ptp(stored) > 0.3
+        np.testing.assert_array_equal(stored, stored[..., ::-1])
+    assert general.variance.min() >= 0
+
+
+def test_each_pattern_in_general_leaves_one_person_out():
+    rng = np.random.default_rng(4)
+    people = [(m, m) for m in rng.uniform(0, 1, (3, 8, 8)).astype(np.float32)]
+    general = general_of(people, members=True)
+    for k, mean in enumerate(general.mean):
+        alone = general_of(people[:k] + people[k + 1 :])
+        np.testing.assert_allclose(mean, alone.mean[0], atol=1e-6)
+
+
+def test_of_a_known_person_the_pattern_without_them_is_taken():
+    rng = np.random.default_rng(6)
+    shared, *own = rng.normal(0, 0.3, (4, 96, 96)).astype(np.float32)
+    ones = np.ones((96, 96), np.float32)
+    general = general_of([(shared + o, ones) for o in own], members=True)
+    noise = rng.normal(0, 0.1, (6, 96, 96)).astype(np.float32)
+    seen = Appearance(shared + own[1] + noise, np.ones((6, 96, 96), np.float32))
+    known, _ = likeness(seen, general)
+    alone, _ = likeness(seen, General(general.mean[1:2], general.variance))
+    np.testing.assert_array_equal(known, alone)
+
+
+def test_variance_is_that_within_the_sets():
+    """The mean may differ between sets, as expressions do: that is no variance."""
+    half = np.full((96, 96), 0.5, np.float32)
+    sets = [
+        Appearance(np.stack([a * half, b * half]), np.ones((2, 96, 96), np.float32))
+        for a, b in ((-1, 1), (2, 2))
+    ]
+    np.testing.assert_allclose(pattern_variance(sets), 0.125, rtol=0.01)
 
 
 def test_pattern_forgets_light_exposure_and_colour(drawn):
@@ -138,7 +174,7 @@ def test_likeness_is_symmetric_and_blind_to_what_is_not_seen():
     pattern = rng.uniform(-1, 1, (3, 96, 96)).astype(np.float32)
     weight = np.ones_like(pattern)
     weight[0, :, :40] = 0
-    none = np.zeros((1, 1, 96, 96), np.float32)
+    none = General(np.zeros((1, 96, 96), np.float32), np.ones((96, 96), np.float32))
     C, W = likeness(Appearance(pattern, weight), none)
     np.testing.assert_allclose(C, C.T)
     np.testing.assert_allclose(np.diag(C), 1, rtol=1e-6)
@@ -154,9 +190,10 @@ def test_what_all_faces_share_makes_nobody_alike():
     shared = (shared + shared[:, ::-1]) / 2
     pattern = np.stack([shared + 0.4 * own[k] for k in (0, 0, 1, 1)])
     seen = Appearance(pattern, np.ones_like(pattern))
-    general = mean_pattern([Appearance(shared[None], np.ones((1, 96, 96), np.float32))])
-    C, _ = likeness(seen, general[None, None])
-    plain, _ = likeness(seen, np.zeros_like(general)[None, None])
+    ones = np.ones((96, 96), np.float32)
+    mean = mean_pattern([Appearance(shared[None], ones[None])])[None]
+    C, _ = likeness(seen, General(mean, ones))
+    plain, _ = likeness(seen, General(np.zeros_like(mean), ones))
     assert plain[0, 2] > 0.7 > 0.4 > C[0, 2]
 
 
@@ -219,7 +256,7 @@ def press(tmp_path_factory):
 
 
 def test_press_photos_of_another_man(press):
-    """The stored patterns hold these men too, which makes it harder, not easier."""
+    """Nobody's photos are in the stored patterns."""
     found = gather(press)
     apart = {f.name for f in found.failures if f.code == "other_person"}
     assert apart == {"George_W_Bush_0001.jpg", "George_W_Bush_0002.jpg"}
