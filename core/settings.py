@@ -163,7 +163,7 @@ class Settings:
         if not isinstance(values, Mapping):
             raise ValueError(f"Settings are names with values, got {_short(values)}.")
         known = {f.name for f in fields(cls)}
-        unknown = sorted(str(name) for name in set(values) - known)
+        unknown = sorted(_printable(str(name)) for name in set(values) - known)
         if unknown:
             raise ValueError(
                 f"There is no setting {', '.join(unknown)}; the settings are "
@@ -188,6 +188,13 @@ def _net(value: Any) -> tuple[int, int]:
             f"{_short(value)}."
         )
     return int(numbers[0]), int(numbers[1])
+
+
+def _printable(name: str) -> str:
+    """The name on one line, in characters that every terminal can be sent."""
+    name = name.encode("utf-8", "backslashreplace").decode("utf-8")
+    name = " ".join(name.split())
+    return name if len(name) <= 60 else name[:57] + "..."
 
 
 def _short(value: Any) -> str:

@@ -33,7 +33,8 @@ that was there before stays, and so does Blender's scene.
 This page is written by `python docs/bad_input_page.py`, which runs every row by the
 command line, by Python and by Blender's operators. The tests
 `tests/core/test_bad_input.py` and `tests/blender/test_bad_input.py` run them too and
-compare every sentence with this page.
+compare every sentence with this page. What happens when a run is killed, or fed with
+damaged files: [robustness.md](robustness.md).
 """
 CALLS = """## Calls
 

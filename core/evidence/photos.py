@@ -31,6 +31,7 @@ from .image_file import (
     why_not,
 )
 from .image_header import read_header
+from .image_png import plain_png
 
 READABLE_ENDINGS = frozenset(
     [
@@ -49,7 +50,6 @@ READABLE_ENDINGS = frozenset(
         ".ppm",
         ".pnm",
         ".pbm",
-        ".jp2",
     ]
 )
 # Pictures that people do put into the folder and that we cannot read: they are
@@ -61,6 +61,7 @@ FOREIGN_ENDINGS = frozenset(
         ".heif",
         ".avif",
         ".jxl",
+        ".jp2",
         ".cr2",
         ".cr3",
         ".nef",
@@ -228,9 +229,8 @@ def read_photo(
     reduction = 1
     while reduction < 8 and header.pixels / reduction**2 > FULL_SIZE_PIXELS:
         reduction *= 2
-    # libpng would complain on stderr about a missing end.
-    cut_short = header.format == "PNG" and data.tobytes().rfind(b"IEND") < 0
-    pixels = None if cut_short else decode(data, reduction)
+    whole = plain_png(data) if header.format == "PNG" else data
+    pixels = None if whole is None else decode(whole, reduction)
     if pixels is None:
         return PhotoFailure(
             name,

@@ -110,10 +110,12 @@ def recall(folder: Path, mark: str) -> Outcome | None:
             status="skipped",
             used=int(content["used"]),
             photos=int(content["photos"]),
-            warnings=tuple(content["warnings"]),
+            warnings=tuple(str(sentence) for sentence in content["warnings"]),
             files=tuple(files),
         )
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError):
+        return None
+    except RecursionError:  # brackets within brackets
         return None
 
 

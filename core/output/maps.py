@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from ..surface.bspline import BSplineSurface, basis_matrix
+from ..threads import one_blas_thread
 
 Array = npt.NDArray[np.float64]
 
@@ -55,6 +56,8 @@ def confidence_map(confidence: Array, size: int = 160) -> Array:
     return (weights @ np.asarray(confidence, float).ravel()).reshape(size, size)
 
 
+# Delaunay's thousands of systems of two equations: threads only wait for each other.
+@one_blas_thread()
 def residual_map(photometric: Any, size: int = 160) -> Array | None:
     """Robust mean over photos of the relative intensity residual, (size, size).
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 import scipy
 
 from ..progress import Tick, no_tick
+from ..threads import one_blas_thread
 from . import maps, plots
 from .colour import to_picture
 from .files import write_bytes, write_text
@@ -36,6 +37,7 @@ from .texture import Texture, bake_texture
 TEXTURE_SIZE = 512
 
 
+@one_blas_thread()
 def write_report(
     path: str | os.PathLike,
     reconstruction: Any,

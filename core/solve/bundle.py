@@ -23,6 +23,9 @@ from ..surface.prior import ShapePrior
 from ..surface.template import Template
 
 Array = NDArray[np.float64]
+# Of a camera's step: radians, relative change of scale and of distance.
+FARTHEST = 1.0
+_TURN_SIZE_DISTANCE = [0, 1, 2, 3, 6]
 
 
 @dataclass(frozen=True)
@@ -165,6 +168,9 @@ def adjust(
         m = m + dm.reshape(f, 3)
         for i, (factor, B, b) in enumerate(blocks):
             step = cho_solve(factor, b - B.T @ dm)
+            # Landmarks that form no face send a camera far away, where nothing brings
+            # it back; a step of a usual camera is a tenth of that.
+            step /= max(1.0, np.abs(step[_TURN_SIZE_DISTANCE]).max() / FARTHEST)
             cameras[i] = cameras[i].moved(step[:PARAMETERS])
             e[i] += step[PARAMETERS:]
         rms = np.sqrt((weight * residual**2).sum() / max(weight.sum(), 1e-30))

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import hypothesis
 import numpy as np
 import pytest
 from bsface.evidence.camera import Camera
@@ -11,6 +12,7 @@ from bsface.solve.frame import fit_similarity
 from bsface.surface.bspline import basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 SHAPE = (12, 13)
@@ -234,6 +236,40 @@ def test_residual_falls(template, prior, index):
     found = adjust(template, prior, seen, start(template, seen), RIGID)
     assert found.history[-1] < 0.1 * found.history[0]
     assert np.diff(found.history).max() < 0.05 * found.history[0]
+
+
+@hypothesis.given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(1, 4),
+    noise=st.sampled_from([1.0, 30.0, 300.0]),
+    flat=st.booleans(),
+    known=st.sampled_from([0.1, 0.6, 1.0]),
+)
+@hypothesis.settings(
+    max_examples=25,
+    deadline=None,
+    suppress_health_check=[hypothesis.HealthCheck.function_scoped_fixture],
+)
+def test_any_landmarks_end_finite(
+    template, prior, index, seed, count, noise, flat, known
+):
+    """Scattered over the picture, on a line, mostly hidden: what comes is a surface."""
+    index = index[::3]
+    rng = np.random.default_rng(seed)
+    cameras = true_cameras(count, seed=int(rng.integers(99)))
+    seen = observe(template.landmark_xyz[index], cameras, index, noise, seed)
+    pixels = np.clip(seen.pixels, -200, 900)
+    if flat:
+        pixels[..., 1] = 250.0
+    weight = rng.random(seen.weight.shape) * (rng.random(seen.weight.shape) < known)
+    options = replace(RIGID, expression=1.0, noise_mm=1.0, iterations=15)
+    found = adjust(template, prior, replace(seen, pixels=pixels, weight=weight),
+                   [replace(c, kappa=1 / 1200) for c in cameras], options)  # fmt: skip
+    assert np.isfinite(found.surface.vector).all()
+    assert np.isfinite(found.structure).all() and np.isfinite(found.history).all()
+    for camera in found.cameras:
+        np.testing.assert_allclose(camera.R @ camera.R.T, np.eye(3), atol=1e-9)
+        assert np.isfinite([camera.s, camera.kappa, *camera.t]).all() and camera.s > 0
 
 
 def test_landmarks_on_a_line_end_finite(template, prior):

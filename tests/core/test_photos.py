@@ -94,15 +94,12 @@ def read(tmp_path):
 # --- pixels ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ending", [".png", ".bmp", ".tif", ".webp", ".ppm", ".jp2"])
+@pytest.mark.parametrize("ending", [".png", ".bmp", ".tif", ".webp", ".ppm"])
 def test_lossless_formats_give_the_same_rgb(read, ending):
     image = corners_picture()
     options = (cv2.IMWRITE_WEBP_QUALITY, 101) if ending == ".webp" else ()
     photo = read(encoded(ending, image, *options), "a" + ending)
-    if ending == ".jp2":  # lossy
-        assert np.abs(photo.pixels.astype(int) - image).max() <= 60
-    else:
-        np.testing.assert_array_equal(photo.pixels, image)
+    np.testing.assert_array_equal(photo.pixels, image)
     assert photo.size == (64, 48)
 
 
@@ -262,11 +259,21 @@ def test_damaged_files_leave_stderr_alone(tmp_path, capfd):
         path = tmp_path / f"{number}.jpg"
         path.write_bytes(data)
         read_photo(path)
-    for ending in (".bmp", ".ppm", ".jp2", ".tif"):
+    for ending in (".bmp", ".ppm", ".tif"):
         data = encoded(ending, corners_picture())
         path.write_bytes(data[: len(data) // 2])
         assert not read_photo(path)
     assert capfd.readouterr().err == ""
+
+
+def test_animation_that_ends_opencv(read):
+    """Its frames are torn; only the picture that is not one of them is looked at."""
+    data = ANIMATED_PNG_RED_FIRST
+    at = data.index(b"fdAT") + 8
+    torn = data[:at] + b"\xff" * 30 + data[at + 30 :]
+    assert tuple(read(torn, "a.png").pixels[5, 5]) == (200, 30, 30)
+    at = data.index(b"IDAT") + 10
+    assert not read(data[:at] + b"\xff" * 9 + data[at + 9 :], "a.png")
 
 
 # --- arrays ------------------------------------------------------------------
@@ -396,7 +403,7 @@ def test_no_folder_of_photos(tmp_path, kind):
 
 
 @pytest.mark.parametrize(
-    "ending", [".jpg", ".png", ".bmp", ".tif", ".webp", ".ppm", ".pgm", ".jp2"]
+    "ending", [".jpg", ".png", ".bmp", ".tif", ".webp", ".ppm", ".pgm"]
 )
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_header_says_what_decoding_gives(ending, dtype):
@@ -406,7 +413,7 @@ def test_header_says_what_decoding_gives(ending, dtype):
     header = read_header(encoded(ending, image))
     assert header is not None
     assert (header.width, header.height) == (53, 37)
-    if ending not in (".webp", ".jp2", ".bmp"):
+    if ending not in (".webp", ".bmp"):
         assert header.bytes_per_pixel == image.nbytes / (37 * 53)
 
 

@@ -45,6 +45,7 @@ SAME = {
     "size": 0.5,  # half as many pixels show less
     "mirror": 0.5,  # the template is its own mirror image to about that
     "mirror, detected": 0.6,
+    "treated, detected": 0.15,
 }
 
 
@@ -386,6 +387,19 @@ def test_same_light_everywhere(drawn):
     assert "No photo shows the head turned to the right" in said
 
 
+def test_all_frontal(truth):
+    """No photo shows a side: the face is plausible, and both gaps are told."""
+    photos, marks = draw(truth, 9)
+    middle = {
+        f"picture {k + 1}": replace(marks["picture 5"], photo=f"picture {k + 1}")
+        for k in range(4)
+    }
+    rng = np.random.default_rng(0)
+    noisy = [encoded(linear(photos[4]) + rng.normal(0, 1e-3)) for _ in range(4)]
+    said = plausible(reconstruct(noisy, QUICK, landmarks=middle))
+    assert "turned to the left" in said and "turned to the right" in said
+
+
 def test_grey_faces_without_any_shading(drawn):
     """Flat pictures: landmarks are all there is."""
     photos, marks = drawn
@@ -550,6 +564,24 @@ def test_mirrored_examples_give_the_mirrored_face(example):
     other = reconstruct([np.ascontiguousarray(p) for p in pictures], settings)
     flipped = BSplineSurface(other.surface.control_points[::-1] * (-1, 1, 1))
     assert distance(replace(other, surface=flipped), found) < SAME["mirror, detected"]
+
+
+TREATED = {
+    "smaller": lambda p: cv2.resize(p, None, fx=0.8, fy=0.8, interpolation=3),
+    "larger": lambda p: cv2.resize(p, None, fx=1.6, fy=1.6, interpolation=2),
+    "turned": lambda p: np.rot90(p),
+    "shifted": lambda p: np.pad(p, ((37, 0), (0, 61), (0, 0)), mode="edge"),
+    "exposed": lambda p: encoded(0.5 * linear(p.astype(np.uint16) * 257)),
+}
+
+
+@pytest.mark.parametrize("how", TREATED)
+def test_treated_examples_give_the_same_face(example, how):
+    """The detector takes part; of the photos only the person stays the same."""
+    paths, settings, found = example
+    pictures = [TREATED[how](cv2.imread(str(p))[..., ::-1]) for p in paths]
+    other = reconstruct([np.ascontiguousarray(p) for p in pictures[::-1]], settings)
+    assert distance(other, found) < SAME["treated, detected"]
 
 
 def test_landmark_files_need_no_detector(tmp_path, drawn):

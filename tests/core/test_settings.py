@@ -154,3 +154,9 @@ def test_numbers_of_other_libraries_become_plain():
 def test_settings_cannot_be_changed():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Settings().method = "paper"
+
+
+def test_unknown_names_can_be_printed():
+    with pytest.raises(ValueError, match="no setting a b") as caught:
+        Settings.from_dict({"a\nb\ud800" + "c" * 99: 1})
+    str(caught.value).encode("utf-8")

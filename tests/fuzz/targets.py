@@ -1,0 +1,277 @@
+"""What is fuzzed: every loader that reads a file from outside, and what must hold.
+
+A loader either takes a file, and what it gives is then usable, or refuses it with the
+promised exception and one sentence. Anything else is a finding.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from unittest import mock
+
+import cv2
+import numpy as np
+from bsface.cli import info
+from bsface.cli.arguments import parse_settings
+from bsface.errors import PhotoFailure, ReconstructionError
+from bsface.evidence import image_file
+from bsface.evidence.image_header import read_header
+from bsface.evidence.landmarks import (
+    LandmarkFileError,
+    Landmarks,
+    read_landmarks,
+    write_landmarks,
+)
+from bsface.evidence.photos import read_photo
+from bsface.output.batch_record import RECORD, Outcome, recall, summary_csv
+from bsface.output.formats.npz import contents, npz_bytes, read_npz, to_json
+from bsface.settings import Settings
+from bsface.surface.template import BUNDLED, load_template
+from fake_face import bare_reconstruction, painted_reconstruction
+from hypothesis import strategies as st
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from mutations import inside_zip, mutated  # noqa: E402
+from pictures_for_tests import animated, cmyk, palette  # noqa: E402
+
+# Mutated headers claim pictures of any size; decoding large ones is only slow.
+MOST_PIXELS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Target:
+    """A loader to fuzz.
+
+    Attributes
+    ----------
+    name : str
+    inputs : strategy of bytes
+    run : callable
+        Takes the bytes; True if they were accepted, False if refused in a sentence;
+        raises on a finding.
+    """
+
+    name: str
+    inputs: st.SearchStrategy[bytes]
+    run: Callable[[bytes], bool]
+
+
+def sentence(text: str) -> None:
+    """One line with an end, without the words of a programmer."""
+    assert text and "\n" not in text and "\r" not in text, repr(text)
+    assert text[-1] in ".)", repr(text)
+    text.encode("utf-8")  # can be printed
+
+
+@lru_cache
+def _place() -> Path:
+    return Path(tempfile.mkdtemp(prefix="bsface-fuzz-"))
+
+
+def _file(name: str, data: bytes) -> Path:
+    path = _place() / name
+    path.write_bytes(data)
+    return path
+
+
+# --- pictures ------------------------------------------------------------------------
+
+
+def _pictures() -> list[bytes]:
+    rng = np.random.default_rng(0)
+    rgb = np.repeat(np.repeat(rng.integers(0, 256, (8, 10, 3)), 4, 0), 4, 1)
+    rgb = rgb.astype(np.uint8)
+    deep = rgb.astype(np.uint16) * 257
+    alpha = np.dstack([rgb, rgb[..., :1]])
+    stored = [
+        (".jpg", rgb),
+        (".png", rgb),
+        (".png", deep),
+        (".png", alpha),
+        (".png", rgb[..., 0]),
+        (".tif", rgb),
+        (".tif", deep),
+        (".bmp", rgb),
+        (".webp", rgb),
+        (".ppm", rgb),
+        (".pgm", rgb[..., 0]),
+    ]
+    coded = [cv2.imencode(ending, pixels)[1].tobytes() for ending, pixels in stored]
+    return [*coded, cmyk(rgb), palette(rgb), animated([rgb, rgb[::-1]])]
+
+
+def _header(data: bytes) -> bool:
+    header = read_header(data)
+    if header is None:
+        return False
+    assert header.bytes_per_pixel >= 0
+    failure = image_file.judge_header(header, "a.jpg")
+    if failure is not None:
+        sentence(failure.reason)
+    return failure is None
+
+
+def _photo(data: bytes) -> bool:
+    path = _file("photo.jpg", data)
+    with mock.patch.object(image_file, "MAX_PIXELS", MOST_PIXELS):
+        photo = read_photo(path)
+    if isinstance(photo, PhotoFailure):
+        sentence(photo.reason)
+        return False
+    assert photo.pixels.ndim == 3 and photo.pixels.shape[2] == 3
+    assert np.isfinite(photo.linear()).all()
+    return True
+
+
+# --- landmarks, settings -------------------------------------------------------------
+
+
+def _landmark_files(ending: str) -> list[bytes]:
+    rng = np.random.default_rng(1)
+    found = []
+    for scheme in ("68",) if ending == ".pts" else ("468", "68", "40"):
+        count = int(scheme)
+        points = rng.uniform(0, 99, (count, 2)).round(2)
+        path = _place() / f"seed{ending}"
+        marks = Landmarks("a.jpg", scheme, points, np.ones(count))
+        write_landmarks(path, marks, (100, 100) if ending == ".json" else None)
+        found.append(path.read_bytes())
+    return found
+
+
+def _landmarks(ending: str) -> Callable[[bytes], bool]:
+    def run(data: bytes) -> bool:
+        path = _file(f"marks{ending}", data)
+        try:
+            found = read_landmarks(path, "a.jpg", (100, 100))
+        except LandmarkFileError as error:
+            sentence(str(error))
+            return False
+        assert np.isfinite(found.points).all() and np.isfinite(found.weight).all()
+        return True
+
+    return run
+
+
+def _settings(data: bytes) -> bool:
+    """A JSON object, as Blender's operators and face files hold it."""
+    try:
+        values = json.loads(data)
+    except (ValueError, RecursionError):
+        return False  # said by whoever reads the JSON
+    try:
+        found = Settings.from_dict(values)
+    except ValueError as error:
+        sentence(str(error))
+        return False
+    assert Settings.from_dict(json.loads(json.dumps(found.to_dict()))) == found
+    return True
+
+
+def _words(data: bytes) -> bool:
+    """Words of ``--set``, one a line."""
+    try:
+        parse_settings(data.decode("utf-8", "surrogateescape").split("\n"))
+    except ValueError as error:
+        assert "\n" not in str(error)
+        return False
+    return True
+
+
+# --- npz -----------------------------------------------------------------------------
+
+
+def _small_template() -> bytes:
+    with np.load(BUNDLED) as z:
+        arrays = {name: z[name] for name in z.files}
+    for name in ("control_points", "identity_modes", "expression_modes"):
+        every = arrays[name][..., ::4, ::4, :]
+        arrays[name] = every if every.ndim == 3 else every[:1]
+    arrays["skin"] = arrays["skin"][::8, ::8]
+    return npz_bytes(arrays)
+
+
+def _template(data: bytes) -> bool:
+    path = _file("template.npz", data)
+    try:
+        found = load_template(path)
+    except ValueError as error:
+        sentence(str(error))
+        return False
+    inside = found.inside(found.landmark_uv)
+    assert inside.shape == (468,) and found.eye_distance > 0
+    normals = found.surface.normals(*found.landmark_uv.T)
+    assert np.isfinite(normals).all()
+    found.resampled((9, 10))
+    return True
+
+
+def _faces() -> list[bytes]:
+    whole = painted_reconstruction(count=2, side=48)
+    return [npz_bytes(contents(face)) for face in (bare_reconstruction(), whole)]
+
+
+def _face(data: bytes) -> bool:
+    path = _file("face.npz", data)
+    try:
+        found = read_npz(path)
+    except ReconstructionError as error:
+        sentence(str(error))
+        return False
+    facts = info.summary(found)
+    to_json(facts)
+    "\n".join(info._lines(facts))
+    assert len(found.cameras) == len(found.camera_photos)
+    assert len(found.landmark_points) == len(found.landmark_schemes)
+    return True
+
+
+# --- what a batch remembers ----------------------------------------------------------
+
+
+def _records() -> list[bytes]:
+    record = {
+        "fingerprint": "0" * 64,
+        "used": 3,
+        "photos": 4,
+        "warnings": ["Only 3 photos are used."],
+        "files": {},
+    }
+    return [json.dumps(record, indent=1).encode()]
+
+
+def _record(data: bytes) -> bool:
+    path = _file(RECORD, data)
+    found = recall(path.parent, "0" * 64)
+    if found is None:
+        return False
+    assert isinstance(found, Outcome)
+    summary_csv([found])
+    return True
+
+
+def targets() -> list[Target]:
+    """All of them."""
+    pictures = _pictures()
+    settings = [json.dumps(Settings().to_dict()).encode()]
+    words = [b"method=motion\ncontrol_points=30,30\nlam=1e2\ndetector=false"]
+    return [
+        Target("image header", mutated(pictures), _header),
+        Target("image file", mutated(pictures), _photo),
+        Target("landmarks .pts", mutated(_landmark_files(".pts")), _landmarks(".pts")),
+        Target(
+            "landmarks .json", mutated(_landmark_files(".json")), _landmarks(".json")
+        ),
+        Target("settings as JSON", mutated(settings), _settings),
+        Target("settings as words", mutated(words), _words),
+        Target("template file", inside_zip([_small_template()]), _template),
+        Target("face file", inside_zip(_faces()), _face),
+        Target("record of a batch", mutated(_records()), _record),
+    ]
