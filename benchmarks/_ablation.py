@@ -178,15 +178,19 @@ def run_ablation(
     settings : Settings
         The default that is changed.
     groups : sequence of str
-        Of `GROUPS`.
+        Of `GROUPS`, or names of single variants.
     out : Path
         Folder.
     jobs : int
         Number of processes.
     """
-    unknown = sorted(set(groups) - set(GROUPS))
+    every = {v.name for variants in GROUPS.values() for v in variants}
+    unknown = sorted(set(groups) - set(GROUPS) - every)
     if unknown:
-        raise SystemExit(f"no group {', '.join(unknown)}: {', '.join(GROUPS)}.")
+        raise SystemExit(
+            f"no group or variant {', '.join(unknown)}: "
+            f"{', '.join([*GROUPS, *sorted(every)])}."
+        )
     rows: list[dict[str, Any]] = []
     work = partial(ablate_set, data=data, settings=settings, groups=tuple(groups))
     for found in each_set(work, names, jobs):
@@ -212,7 +216,12 @@ def ablate_set(
         first |= numbers(score(measure, outcome.face, one))
     rows = [first]
     variants = [("", Variant("default"))]
-    variants += [(group, variant) for group in groups for variant in GROUPS[group]]
+    variants += [
+        (group, variant)
+        for group, members in GROUPS.items()
+        for variant in members
+        if group in groups or variant.name in groups
+    ]
     for group, variant in variants:
         row = {"group": group, "variant": variant.name, "set": name}
         row |= one_variant(variant, one, gathered, template, measure, settings)

@@ -5,7 +5,7 @@
     python benchmarks/accuracy.py --sets ict-a/S1 --methods template default
     python benchmarks/accuracy.py --data FOLDER            any sets in that layout
     python benchmarks/accuracy.py --ablation               each ingredient off in turn
-    python benchmarks/accuracy.py --ablation light photos  only these groups
+    python benchmarks/accuracy.py --ablation light "68 landmarks"  groups or variants
     python benchmarks/accuracy.py --setting smooth_mm=2    with another default
 
 Measured by the ``evaluate.py`` of the data folder: similarity alignment, distance from
