@@ -114,8 +114,8 @@ def _stranger(name: str) -> PhotoFailure:
     return PhotoFailure(
         name,
         "other_person",
-        f"{name} shows somebody else than most photos; if not, switch the setting "
-        "one_person off.",
+        f"{name} shows somebody else than most photos, or a covered face; if it is "
+        "to be used, switch the setting one_person off.",
     )
 
 
