@@ -130,7 +130,7 @@ def test_batch_by_its_word(capsys, tmp_path, monkeypatch):
         assert json.loads(printed)["settings"]["method"] == "motion"
 
 
-def in_this_process(jobs, workers):
+def in_this_process(jobs, workers, memory):
     for job in jobs.values():
         yield batch.run_person(*job)
 

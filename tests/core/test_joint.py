@@ -569,7 +569,7 @@ def test_no_step_is_larger_than_allowed(monkeypatch, template, prior):
 
 
 def test_held_points_go_where_the_template_has_them(monkeypatch, template, prior):
-    """From a start away from it that the prior holds for right; one hard, one softly."""
+    """The start lies beside it and the prior thinks it right; one hard, one soft."""
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
     monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
     options = replace(JointOptions(), levels=(Level(3.0, 2, 10),), landmark_weight=0.0)
