@@ -100,7 +100,7 @@ GROUPS: dict[str, list[Variant]] = {
         Variant("no shadows", {"shadows": False}),
         Variant(
             "no robust weights",
-            patches={"bsface.evidence.photometric._robust": _equal_weights},
+            patches={"bsface.evidence.photometric.robust_weights": _equal_weights},
         ),
         Variant("intensity noise x 0.5", times("intensity_noise", 0.5)),
         Variant("intensity noise x 2", times("intensity_noise", 2.0)),

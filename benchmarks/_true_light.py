@@ -13,9 +13,14 @@ from dataclasses import dataclass
 from unittest import mock
 
 import numpy as np
-from _truth import Truth
+from _truth import Truth, hold_photos
 from bsface.evidence.camera import PARAMETERS, Camera
-from bsface.evidence.photometric import estimate_lighting
+from bsface.evidence.photometric import (
+    estimate_lighting,
+    robust_weights,
+    solve_albedo,
+    solve_lights,
+)
 from bsface.evidence.photos import Photo
 from bsface.evidence.sampling import smooth_photo, view_weights
 from bsface.evidence.shadowing import sky
@@ -25,8 +30,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Precision that holds a light where it is.
-HELD = 1e12
 #: Alternations of light and albedo on the true face, and in each step.
 ROUNDS, ALTERNATIONS = 20, 6
 
@@ -113,20 +116,18 @@ def shading_held(
         Y = np.broadcast_to(Y, (len(values), *Y.shape[-2:]))
         s = np.einsum("ik,ipk->ip", found, Y)
         for _ in range(ALTERNATIONS):
-            r = values - rho * s
-            W = view / (1 + (r / noise) ** 2)
+            W = robust_weights(view, values - rho * s, noise)
             if lights:
                 model = rho * s
                 top, down = (W * model * values).sum(1), (W * model**2).sum(1)
                 found = found * (top / np.maximum(down, 1e-9))[:, None]
             else:
-                found = _lights(values, W, Y, rho, ridge)
+                found = solve_lights(values, W, Y, rho, ridge)
             s = np.einsum("ik,ipk->ip", found, Y)
             if not albedo:
-                down = np.maximum((W * s * s).sum(0), 1e-9)
-                rho = np.clip((W * s * values).sum(0) / down, 0.02, 20.0)
+                rho = solve_albedo(values, W, s)
         r = values - rho * s
-        return found, rho, view / (1 + (r / noise) ** 2), r
+        return found, rho, robust_weights(view, r, noise), r
 
     def unprojected(T, c, h, s, W, r):
         # an albedo that is known takes nothing up
@@ -135,9 +136,7 @@ def shading_held(
     def hold(blocks, at, options) -> None:
         priors(blocks, at, options)
         if lights:
-            m = len(blocks.gh) // len(at)
-            which = np.add.outer(m * np.arange(len(at)), np.arange(PARAMETERS, m))
-            blocks.H[which.ravel(), which.ravel()] += HELD
+            hold_photos(blocks.H, len(at), slice(PARAMETERS, None))
 
     with (
         mock.patch.object(joint_stage, "_samples", note),
@@ -146,14 +145,3 @@ def shading_held(
         mock.patch.object(joint_stage, "_add_photo_priors", hold),
     ):
         yield
-
-
-def _lights(values: Array, W: Array, Y: Array, rho: Array, ridge: float) -> Array:
-    """The light of each photo for a given albedo, ``(n, k)``."""
-    found = []
-    for value, w, y in zip(values, W, Y, strict=True):
-        design = rho[:, None] * y
-        A = design.T @ (w[:, None] * design)
-        A += ridge * (np.trace(A) / len(A) + 1e-9) * np.eye(len(A))
-        found.append(np.linalg.solve(A, design.T @ (w * value)))
-    return np.stack(found)

@@ -30,7 +30,15 @@ from _methods import changed_settings
 from _sets import EVAL, ROOT, each_set, find_sets, load_measure, load_set, score
 from _table import averages, text_table, write_csv
 from _true_light import shading_held
-from _truth import Truth, fit_truth, true_cameras, true_landmarks, true_template
+from _truth import (
+    HELD,
+    Truth,
+    fit_truth,
+    hold_photos,
+    true_cameras,
+    true_landmarks,
+    true_template,
+)
 from bsface.evidence.camera import PARAMETERS, Camera
 from bsface.evidence.gather import Gathered, gather
 from bsface.reconstruct import solve
@@ -61,8 +69,6 @@ ROWS: dict[str, tuple[frozenset[str], float]] = {
     ),
     FLOOR: (frozenset(), 1.0),
 }
-#: Precision that holds a camera's parameters where they are.
-HELD = 1e12
 NUMBERS = ("mean", "median", "rms", "p90", "normals")
 COLUMNS = (
     ("mean", "mean %", ".2f"),
@@ -191,9 +197,7 @@ def cameras_held(cameras: list[Camera]) -> Iterator[None]:
 
     def hold_joint(blocks, at, options) -> None:
         priors(blocks, at, options)
-        m = len(blocks.gh) // len(at)
-        which = np.add.outer(m * np.arange(len(at)), np.arange(PARAMETERS)).ravel()
-        blocks.H[which, which] += HELD
+        hold_photos(blocks.H, len(at), slice(PARAMETERS))
 
     def hold_bundle(options, modes):
         p = precision(options, modes)

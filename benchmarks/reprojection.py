@@ -27,9 +27,9 @@ from pathlib import Path
 import numpy as np
 from _sets import EVAL, ROOT
 from _table import text_table, write_csv
+from bsface.output.texture_views import faces_of
 from bsface.reconstruct import reconstruct
 from bsface.result import Reconstruction
-from bsface.solve.track import know
 
 REAL = ROOT.parent / "shared" / "photos" / "lfw"
 # The set whose pictures are the examples.
@@ -49,14 +49,6 @@ COLUMNS = (
 )
 
 
-def surfaces(face: Reconstruction) -> list:
-    """The surface with the expression of each photo."""
-    if face.expressions is None or not np.any(face.expressions):
-        return [face.surface] * len(face.photos)
-    known = know(face.surface, face.template)
-    return [known.with_expression(e) for e in face.expressions]
-
-
 def away(camera, points, pixels, eye_mm):
     """Way from detected to projected points, % of the eye distance, (f, 2)."""
     return 100 * (camera.project(points) - pixels) / (camera.s * eye_mm)
@@ -66,7 +58,7 @@ def against_detections(face: Reconstruction) -> dict[str, float]:
     """Medians over the landmarks that the cameras see."""
     found: dict[str, list] = {"seen": [], "calm": []}
     sure, eye = face.template.landmark_reliable, face.settings.eye_distance_mm
-    each = zip(face.cameras, face.landmarks, surfaces(face), strict=True)
+    each = zip(face.cameras, face.landmarks, faces_of(face), strict=True)
     for camera, marks, own in each:
         index = face.template.schemes[marks.scheme]
         used = sure[index] & (marks.weight > 0)
@@ -88,7 +80,7 @@ def against_truth(face: Reconstruction, folder: Path) -> dict[str, float]:
     uv = face.template.landmark_uv[face.template.schemes["68"]]
     eye = face.settings.eye_distance_mm
     here, detected = [], []
-    each = zip(rows, face.cameras, face.landmarks, surfaces(face), strict=True)
+    each = zip(rows, face.cameras, face.landmarks, faces_of(face), strict=True)
     for row, camera, marks, own in each:
         here.append(away(camera, own.evaluate(*uv.T), pixels[row], eye))
         points = marks.points[face.template.schemes["68"]]

@@ -190,11 +190,11 @@ def _net(value: Any) -> tuple[int, int]:
     return int(numbers[0]), int(numbers[1])
 
 
-def _printable(name: str) -> str:
-    """The name on one line, in characters that every terminal can be sent."""
-    name = name.encode("utf-8", "backslashreplace").decode("utf-8")
-    name = " ".join(name.split())
-    return name if len(name) <= 60 else name[:57] + "..."
+def _printable(text: str) -> str:
+    """The text on one short line, in characters that every terminal can be sent."""
+    text = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _short(value: Any) -> str:
@@ -203,5 +203,4 @@ def _short(value: Any) -> str:
         text = f"{value:g}" if isinstance(value, float) else repr(value)
     except ValueError:  # whole numbers of thousands of digits
         text = "a huge number"
-    text = " ".join(text.split())
-    return text if len(text) <= 60 else text[:57] + "..."
+    return _printable(text)

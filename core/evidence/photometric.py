@@ -87,31 +87,48 @@ def estimate_lighting(
     residual : (n, p) array
         ``values - albedo * lights @ Y.T``.
     """
-    n, order = lights.shape
     if not lights.any():
         seen = np.maximum(view.sum(0), 1e-9)
         albedo = np.clip((view * values).sum(0) / seen, 0.05, 5.0)
         rounds += 4
-    lights = lights.copy()
-    Y = np.broadcast_to(Y, (n, *Y.shape[-2:]))
+    Y = np.broadcast_to(Y, (len(lights), *Y.shape[-2:]))
     residual = values - albedo * np.einsum("ik,ipk->ip", lights, Y)
-    W = view if not lights.any() else _robust(view, residual, noise)
+    W = view if not lights.any() else robust_weights(view, residual, noise)
     for _ in range(rounds):
-        for i in range(n):
-            design = albedo[:, None] * Y[i]
-            A = design.T @ (W[i][:, None] * design)
-            scale = np.trace(A) / order + 1e-9
-            A += scale * ridge * np.eye(order)
-            lights[i] = np.linalg.solve(A, design.T @ (W[i] * values[i]))
+        lights = solve_lights(values, W, Y, albedo, ridge)
         s = np.einsum("ik,ipk->ip", lights, Y)
-        albedo = (W * s * values).sum(0) / np.maximum((W * s * s).sum(0), 1e-9)
-        albedo = np.clip(albedo, 0.02, 20.0)
+        albedo = solve_albedo(values, W, s)
         residual = values - albedo * s
-        W = _robust(view, residual, noise)
+        W = robust_weights(view, residual, noise)
     return lights, albedo, W, residual
 
 
-def _robust(view: Array, residual: Array, noise: float) -> Array:
+def solve_lights(
+    values: Array, W: Array, Y: Array, albedo: Array, ridge: float
+) -> Array:
+    """The light of each photo for a known albedo, ``(n, k)``.
+
+    Arguments as in `estimate_lighting`, ``Y`` (n, p, k) and ``W`` the robust weights.
+    """
+    n, _, order = Y.shape
+    lights = np.empty((n, order))
+    for i in range(n):
+        design = albedo[:, None] * Y[i]
+        A = design.T @ (W[i][:, None] * design)
+        scale = np.trace(A) / order + 1e-9
+        A += scale * ridge * np.eye(order)
+        lights[i] = np.linalg.solve(A, design.T @ (W[i] * values[i]))
+    return lights
+
+
+def solve_albedo(values: Array, W: Array, shading: Array) -> Array:
+    """The albedo of each point under known shading (n, p), ``(p,)``."""
+    energy = np.maximum((W * shading * shading).sum(0), 1e-9)
+    return np.clip((W * shading * values).sum(0) / energy, 0.02, 20.0)
+
+
+def robust_weights(view: Array, residual: Array, noise: float) -> Array:
+    """Visibility times the Cauchy weight of each residual, ``(n, p)``."""
     return view / (1 + (residual / noise) ** 2)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..solve.frame import Similarity, eye_centres, fit_similarity
+from ..solve.frame import Similarity, eye_distance, fit_similarity
 from ..surface.bspline import BSplineSurface
 from ..surface.template import Template, load_template
 from .pictures import colour_map
@@ -120,7 +120,7 @@ def compare(
     order = np.argsort(size_of)
     share = np.cumsum(w[order])
     mean = float(w @ size_of)
-    eyes = _eye_distance(first, template)
+    eyes = eye_distance(first, template)
     return Comparison(
         offset=np.where(inside, offset, np.nan),
         distance=np.where(inside, distance, np.nan),
@@ -187,7 +187,3 @@ def _correlation(x: Array, y: Array, w: Array) -> float:
     x, y = x - w @ x, y - w @ y
     size = np.sqrt((w @ x**2) * (w @ y**2))
     return float(w @ (x * y) / size) if size > 1e-12 else 0.0
-
-
-def _eye_distance(surface: BSplineSurface, template: Template) -> float:
-    return float(np.linalg.norm(np.diff(eye_centres(surface, template), axis=0)))

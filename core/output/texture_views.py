@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ..evidence.camera import Camera
 from ..evidence.photos import Photo
-from ..solve.frame import eye_centres
+from ..solve.frame import relative_size
 from ..surface.bspline import BSplineSurface, grid_triangles, segment_basis
 from .render import rasterize
 
@@ -225,8 +225,7 @@ def faces_of(reconstruction: Any) -> list[BSplineSurface]:
     if found is None or not np.any(found):
         return [calm] * len(reconstruction.photos)
     template = reconstruction.template
-    eyes = np.diff(eye_centres(calm, template), axis=0)
-    size = float(np.linalg.norm(eyes)) / template.eye_distance
+    size = relative_size(calm, template)
     modes = size * template.expression_modes[: found.shape[1]]
     moves = np.einsum("ik,kuvx->iuvx", found, modes)
     return [BSplineSurface(calm.control_points + move) for move in moves]

@@ -66,6 +66,16 @@ def eye_centres(surface: BSplineSurface, template: Template) -> Array:
     return here.mean(1) + across(here) / across(there) * offset @ R.T
 
 
+def eye_distance(surface: BSplineSurface, template: Template) -> float:
+    """Distance between the eye centres of a face, mm."""
+    return float(np.linalg.norm(np.diff(eye_centres(surface, template), axis=0)))
+
+
+def relative_size(surface: BSplineSurface, template: Template) -> float:
+    """How much larger a face is than the template."""
+    return eye_distance(surface, template) / template.eye_distance
+
+
 def head_frame(
     surface: BSplineSurface, template: Template, eye_distance_mm: float
 ) -> Similarity:

@@ -20,7 +20,7 @@ from ..evidence.pose_linear import linear_pose
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.template import Template
 from .bundle import BundleOptions, Observations
-from .frame import eye_centres
+from .frame import relative_size
 
 Array = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ def know(
     index = np.flatnonzero(reliable) if seen is None else seen.index
     uv = template.landmark_uv[index]
     T = basis_matrix(surface.shape, *uv.T)
-    size = _size(surface, template)
+    size = relative_size(surface, template)
     sigma = size * np.hypot(template.landmark_sigma[index], options.noise_mm)
     raised = template.landmark_xyz[index] - template.surface.evaluate(*uv.T)
     marks = T @ surface.vector + size * raised
@@ -246,9 +246,3 @@ def _personal(marks, away, normals, cameras, seen, sigma, offset_mm, robust) -> 
 def _facing(camera: Camera, Q: Array, normals: Array) -> Array:
     """Weight of landmarks by how far they are turned to the camera."""
     return np.clip(((camera.toward(Q) * normals).sum(1) - 0.1) / 0.3, 0, 1)
-
-
-def _size(surface: BSplineSurface, template: Template) -> float:
-    """How much larger the face is than the template."""
-    eyes = np.linalg.norm(np.diff(eye_centres(surface, template), axis=0))
-    return float(eyes / template.eye_distance)

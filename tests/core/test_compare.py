@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bsface.output import compare as module
 from bsface.output.compare import compare, comparison_picture
 from bsface.output.render import yaw_rotation
+from bsface.solve.frame import eye_distance
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
 
@@ -63,7 +63,7 @@ def test_statistics_agree_with_the_map(template):
     inside = np.isfinite(found.offset)
     assert (np.abs(found.offset[inside]) <= found.distance[inside] + 1e-12).all()
     assert found.mean <= found.rms <= np.nanmax(np.abs(found.offset))
-    eyes = module._eye_distance(template.surface, template)
+    eyes = eye_distance(template.surface, template)
     assert found.mean_pct == pytest.approx(100 * found.mean / eyes)
     assert f"{found.mean:.2f} mm" in found.summary()
 
