@@ -115,7 +115,7 @@ GROUPS: dict[str, list[Variant]] = {
         Variant("red channel", patches=_channel(1, 0, 0)),
         Variant("green channel", patches=_channel(0, 1, 0)),
         Variant("blue channel", patches=_channel(0, 0, 1)),
-        Variant("finest blur x 0.6", times("finest_blur_mm", 0.6)),
+        Variant("finest blur x 0.7", times("finest_blur_mm", 0.7)),
         Variant("finest blur x 2", times("finest_blur_mm", 2.0)),
         Variant("2 iterations a level", {"iterations": 2}),
         Variant("10 iterations a level", {"iterations": 10}),

@@ -215,9 +215,9 @@ def joint_options(settings: Settings) -> JointOptions:
     """Options of the joint stage: three levels, from coarse to fine."""
     fine, steps = settings.finest_blur_mm, settings.iterations
     levels = (
-        Level(3.0 * fine, steps, 45),
-        Level(1.6 * fine, steps, 55),
-        Level(fine, steps, 60),
+        Level(3.75 * fine, steps, 40),
+        Level(1.9 * fine, steps, 50),
+        Level(fine, steps, 75),
     )
     return JointOptions(
         levels=levels,

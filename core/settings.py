@@ -78,7 +78,8 @@ class Settings:
         displacement that the modes cannot express.
     light_degree : int
         Of the spherical harmonics of each photo's light: 1 is the paper's model (four
-        numbers), 2 suffices without shadows, 6 (49 numbers) follows hard light.
+        numbers), 2 suffices without shadows, 6 (49 numbers) follows hard light; at
+        most 4 at the two coarse levels.
     shadows : bool
         Account for the shadows that the face casts on itself.
     intensity_noise : float
@@ -108,13 +109,13 @@ class Settings:
     landmark_noise_mm: float = 3.0
     modes: float = 1.0
     expression_modes: float = 0.7
-    smooth_mm: float = 1.0
+    smooth_mm: float = 1.5
     smooth_length: float = 0.12
     light_degree: int = 6
     shadows: bool = True
     intensity_noise: float = 0.06
-    independence: float = 0.5
-    finest_blur_mm: float = 1.0
+    independence: float = 0.3
+    finest_blur_mm: float = 0.8
     iterations: int = 5
     outer_passes: int = 3
     lam: float = 10.0

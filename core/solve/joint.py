@@ -66,15 +66,16 @@ class JointOptions:
     """Weights of the joint refinement."""
 
     levels: tuple[Level, ...] = (
-        Level(3.0, 5, 45),
-        Level(1.6, 5, 55),
-        Level(1.0, 5, 60),
+        Level(3.0, 5, 40),
+        Level(1.5, 5, 50),
+        Level(0.8, 5, 75),
     )
     noise: float = 0.06  #: Cauchy scale of intensities, of the photo's median
-    independence: float = 0.5  #: share of the samples that count as independent
+    independence: float = 0.3  #: share of the samples that count as independent
     landmark_mm: float = 1.5  #: standard deviation of a landmark in one photo
     landmark_weight: float = 0.05
     degree: int = 6  #: of the light's spherical harmonics, 1 to 6
+    coarse_degree: int = 4  #: the most of all levels but the last
     shadows: bool = True  #: of the face on itself
     grazing: float = 0.25  #: cosine of the viewing angle below which nothing is read
     distance_mm: float = 1200.0
@@ -229,10 +230,13 @@ def refine(
         np.zeros(len(D)),
         np.zeros(D.shape[1]),
         list(start.cameras),
-        np.zeros((n, (options.degree + 1) ** 2)),
+        np.zeros((n, 0)),
     )
     for number, level in enumerate(options.levels):
-        at = _samples(template, reference, surface, level, own, options)
+        fine = number + 1 == len(options.levels)
+        degree = options.degree if fine else min(options.degree, options.coarse_degree)
+        at = _samples(template, reference, surface, level, own, degree, options.shadows)
+        x = x._replace(lights=_with_degree(x.lights, degree))
         fields = []
         for q, c in zip(photos, x.cameras, strict=True):
             tick()
@@ -287,7 +291,7 @@ def refine(
             moved = ((x.d + D @ x.a)[:, None] * directions).reshape(*shape, 3)
             surface = BSplineSurface(reference.control_points + moved)
             tick()
-            last = (number + 1, turn + 1) == (len(options.levels), level.iterations)
+            last = fine and turn + 1 == level.iterations
             yield JointState(
                 surface=surface,
                 cameras=tuple(x.cameras),
@@ -315,7 +319,13 @@ def _own_faces(template: Template, start: Bundle) -> Array:
     return np.einsum("ik,kuvx->iuvx", e, modes)
 
 
-def _samples(template, reference, surface, level, own, options) -> _Samples:
+def _with_degree(lights: Array, degree: int) -> Array:
+    """The same lights with harmonics up to a higher degree, the new ones zero."""
+    more = (degree + 1) ** 2 - lights.shape[1]
+    return np.pad(lights, ((0, 0), (0, more)))
+
+
+def _samples(template, reference, surface, level, own, degree, shadows) -> _Samples:
     uv = sample_grid(template, level.grid)
     shape = surface.shape
     u, v = uv.T
@@ -324,7 +334,7 @@ def _samples(template, reference, surface, level, own, options) -> _Samples:
     area = np.linalg.norm(np.cross(fu, fv), axis=1)
     kept = own if own.any() else own[:1]
     moves = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]
-    over = sky(surface, uv, options.degree, options.shadows)
+    over = sky(surface, uv, degree, shadows)
     return _Samples(uv, T, area / area.mean(), moves, over)
 
 
