@@ -54,6 +54,7 @@ def shading_on(
     photos: Sequence[Photo],
     uv: Array,
     blur_mm: float,
+    degree: int,
     options: joint_stage.JointOptions,
 ) -> Shading:
     """Light and albedo under the true geometry, as the joint stage estimates them.
@@ -65,7 +66,7 @@ def shading_on(
         The cameras in the template's frame.
     uv : (p, 2) array
         Sample points of a level.
-    blur_mm : float
+    blur_mm, degree : float, int
         Of the level.
     options : JointOptions
     """
@@ -77,7 +78,7 @@ def shading_on(
     ]
     X = np.broadcast_to(points, (len(photos), *points.shape))
     values = read_photos(fields, cameras, X, normals, view)[0]
-    Y = sky(truth.surface, uv, options.degree, options.shadows).basis(normals)
+    Y = sky(truth.surface, uv, degree, options.shadows).basis(normals)
     lights, albedo, _, _ = estimate_lighting(
         values, view, Y, np.zeros((len(photos), Y.shape[1])), np.ones(len(uv)),
         options.noise, rounds=ROUNDS, ridge=options.light_ridge,
@@ -103,9 +104,12 @@ def shading_held(
     priors = joint_stage._add_photo_priors
     known: list[Shading] = []
 
-    def note(template, reference, surface, level, own, options):
-        at = samples(template, reference, surface, level, own, options)
-        known[:] = [shading_on(truth, cameras, photos, at.uv, level.blur_mm, options)]
+    def note(template, reference, surface, level, own, options, degree):
+        at = samples(template, reference, surface, level, own, options, degree)
+        found = shading_on(
+            truth, cameras, photos, at.uv, level.blur_mm, degree, options
+        )
+        known[:] = [found]
         return at
 
     def estimate(values, view, Y, start, rho, noise, *, ridge):

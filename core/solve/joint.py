@@ -235,7 +235,7 @@ def refine(
     for number, level in enumerate(options.levels):
         fine = number + 1 == len(options.levels)
         degree = options.degree if fine else min(options.degree, options.coarse_degree)
-        at = _samples(template, reference, surface, level, own, degree, options.shadows)
+        at = _samples(template, reference, surface, level, own, options, degree)
         x = x._replace(lights=_with_degree(x.lights, degree))
         fields = []
         for q, c in zip(photos, x.cameras, strict=True):
@@ -325,7 +325,7 @@ def _with_degree(lights: Array, degree: int) -> Array:
     return np.pad(lights, ((0, 0), (0, more)))
 
 
-def _samples(template, reference, surface, level, own, degree, shadows) -> _Samples:
+def _samples(template, reference, surface, level, own, options, degree) -> _Samples:
     uv = sample_grid(template, level.grid)
     shape = surface.shape
     u, v = uv.T
@@ -334,7 +334,7 @@ def _samples(template, reference, surface, level, own, degree, shadows) -> _Samp
     area = np.linalg.norm(np.cross(fu, fv), axis=1)
     kept = own if own.any() else own[:1]
     moves = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]
-    over = sky(surface, uv, degree, shadows)
+    over = sky(surface, uv, degree, options.shadows)
     return _Samples(uv, T, area / area.mean(), moves, over)
 
 
