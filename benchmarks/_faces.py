@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from bsface.output.pictures import colour_map
+from bsface.output.rasterize import rasterize
 from bsface.output.render import (
     SurfaceGrid,
-    rasterize,
     sample_surface,
     shaded_view,
     yaw_rotation,

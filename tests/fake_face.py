@@ -118,6 +118,7 @@ def painted_reconstruction(
     from bsface.evidence.photos import Photo
     from bsface.output import render
     from bsface.output.colour import to_picture
+    from bsface.output.rasterize import rasterize
 
     rng = np.random.default_rng(seed)
     surface = face_surface()
@@ -134,7 +135,7 @@ def painted_reconstruction(
         # More from one side: the plain average keeps that shading.
         direction = rng.normal(size=3) + (-1.5, 0.5, 1.5)
         light[1:4] = 0.7 * light[0] * (direction / np.linalg.norm(direction))[:, None]
-        raster = render.rasterize(
+        raster = rasterize(
             camera.project(grid.points),
             grid.points @ R[2],
             grid.triangles,
@@ -208,6 +209,7 @@ def person_folder(
     from bsface.evidence.camera import Camera
     from bsface.output import pictures, render
     from bsface.output.colour import to_picture
+    from bsface.output.rasterize import rasterize
     from bsface.surface.template import load_template
 
     rng = np.random.default_rng(seed)
@@ -219,7 +221,7 @@ def person_folder(
         R = render.yaw_rotation(rng.uniform(*yaw), rng.uniform(-8, 8))
         centre = np.full(2, (side - 1) / 2)
         camera = Camera(R, side / 260, np.zeros(2), 1 / 1200, centre)
-        raster = render.rasterize(
+        raster = rasterize(
             camera.project(grid.points),
             grid.points @ R[2],
             grid.triangles,

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .colour import encode_srgb
-from .render import outline_picture, rasterize, read_picture, sample_surface
+from .rasterize import rasterize
+from .render import outline_picture, read_picture, sample_surface
 from .texture import Texture
 from .texture_blend import COARSE
 from .texture_light import light_maps

@@ -19,7 +19,7 @@ from ..evidence.camera import Camera
 from ..evidence.photos import Photo
 from ..solve.frame import relative_size
 from ..surface.bspline import BSplineSurface, grid_triangles, segment_basis
-from .render import rasterize
+from .rasterize import rasterize
 
 Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.float32]

@@ -20,6 +20,7 @@ from bsface.evidence.camera import Camera
 from bsface.evidence.face_models import find_models
 from bsface.evidence.landmarks import Landmarks
 from bsface.output import render
+from bsface.output.rasterize import rasterize
 from bsface.progress import STAGES
 from bsface.solve.frame import eye_centres, fit_similarity
 from bsface.surface.template import load_template
@@ -71,7 +72,7 @@ def draw(surface, count=5, seed=0, side=SIDE):
         R = Rotation.from_euler("yxz", angles, degrees=True).as_matrix()
         centre = np.full(2, (side - 1) / 2)
         camera = Camera(R, side / 250, rng.uniform(-4, 4, 2), 1 / 1200, centre)
-        raster = render.rasterize(
+        raster = rasterize(
             camera.project(grid.points),
             grid.points @ R[2],
             grid.triangles,

@@ -4,13 +4,14 @@ import cv2
 import numpy as np
 import pytest
 from bsface.output import pictures, render
+from bsface.output.rasterize import rasterize
 from fake_face import face_surface, face_template
 
 
 def test_triangle_covers_the_pixels_inside_it_and_interpolates():
     xy = np.array([[0.0, 0.0], [8.0, 0.0], [0.0, 8.0]])
     depth = xy[:, 0] + 2 * xy[:, 1] + 3
-    raster = render.rasterize(xy, depth, np.array([[0, 1, 2]]), (10, 10))
+    raster = rasterize(xy, depth, np.array([[0, 1, 2]]), (10, 10))
     rows, columns = np.mgrid[:10, :10]
     assert np.array_equal(raster.covered, rows + columns <= 8)
     seen = raster.covered
@@ -32,7 +33,7 @@ def test_nearer_triangle_wins_whatever_the_order_and_the_size(size):
     far = near + 4
     depth = np.repeat([1.0, -1.0], 4)
     for order in (np.concatenate([near, far]), np.concatenate([far, near])):
-        raster = render.rasterize(xy, depth, order, (301, 301))
+        raster = rasterize(xy, depth, order, (301, 301))
         assert raster.covered.sum() == (size + 1) ** 2
         assert (raster.depth[raster.covered] > 0.999).all()
 
@@ -40,7 +41,7 @@ def test_nearer_triangle_wins_whatever_the_order_and_the_size(size):
 def test_neighbouring_triangles_leave_no_crack():
     rng = np.random.default_rng(0)
     xy, triangles = _jittered_grid(rng, 25, 120)
-    raster = render.rasterize(xy, np.zeros(len(xy)), triangles, (120, 120))
+    raster = rasterize(xy, np.zeros(len(xy)), triangles, (120, 120))
     assert raster.covered[3:-3, 3:-3].all()
 
 
@@ -53,9 +54,7 @@ def _jittered_grid(rng, count, size):
 
 def test_triangles_out_of_the_picture_and_not_finite_are_left_out():
     xy = np.array([[-50.0, -50], [-40, -50], [-50, -40], [np.nan, 0], [5, 5], [9, 5]])
-    raster = render.rasterize(
-        xy, np.zeros(6), np.array([[0, 1, 2], [3, 4, 5]]), (20, 20)
-    )
+    raster = rasterize(xy, np.zeros(6), np.array([[0, 1, 2], [3, 4, 5]]), (20, 20))
     assert not raster.covered.any()
 
 
