@@ -215,8 +215,8 @@ def joint_options(settings: Settings) -> JointOptions:
     """Options of the joint stage: three levels, from coarse to fine."""
     fine, steps = settings.finest_blur_mm, settings.iterations
     levels = (
-        Level(3.75 * fine, steps, 40),
-        Level(1.9 * fine, steps, 50),
+        Level(3.75 * fine, 3 * steps, 40),
+        Level(1.9 * fine, 2 * steps, 50),
         Level(fine, steps, 75),
     )
     return JointOptions(
@@ -249,30 +249,30 @@ def _joint(
     gathered, template, prior, seen, bundle: Bundle, settings, progress, held=None
 ):
     options = joint_options(settings)
-    total = sum(level.iterations for level in options.levels)
+    steps = [level.iterations for level in options.levels]
+    total = sum(steps)
     progress.clock.tell("refine", 0, total, "measuring light and shape together")
     bundle, weights = settle_expressions(bundle, template, seen)
     bundle = _holding(bundle, template, settings, held)
     kept = None if held is None else held.weight
     state = None
-    for k, state in enumerate(
-        refine(
-            template,
-            prior,
-            bundle,
-            gathered.photos,
-            seen,
-            options,
-            weights,
-            progress.clock.tick,
-            kept,
-        )  # fmt: skip
+    for state in refine(
+        template,
+        prior,
+        bundle,
+        gathered.photos,
+        seen,
+        options,
+        weights,
+        progress.clock.tick,
+        kept,
     ):
         progress.history.append(
             {"stage": "refine", "residual": state.residual, "step_mm": state.step_mm}
         )
         message = f"largest step {state.step_mm:.2f} mm"
-        progress.clock.tell("refine", k + 1, total, message)
+        done = sum(steps[: state.level]) + state.turn
+        progress.clock.tell("refine", done, total, message)
     assert state is not None
     # Where the landmarks sit on this face, seen from where the cameras are now.
     known = know(

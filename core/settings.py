@@ -89,7 +89,8 @@ class Settings:
     finest_blur_mm : float
         Smoothing of the photos at the last level of the joint refinement.
     iterations : int
-        Gauss-Newton steps at each of its three levels.
+        Gauss-Newton steps at the last of its three levels; the coarse ones take up to
+        two and three times as many until they settle.
     outer_passes : int
         Passes of Algorithm 1 ("imls", "paper").
     lam, zeta : float

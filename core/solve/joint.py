@@ -57,7 +57,7 @@ class Level:
     """One resolution of the coarse-to-fine schedule."""
 
     blur_mm: float
-    iterations: int
+    iterations: int  #: at most; the last level takes them all
     grid: int
 
 
@@ -66,8 +66,8 @@ class JointOptions:
     """Weights of the joint refinement."""
 
     levels: tuple[Level, ...] = (
-        Level(3.0, 5, 40),
-        Level(1.5, 5, 50),
+        Level(3.0, 15, 40),
+        Level(1.5, 10, 50),
         Level(0.8, 5, 75),
     )
     noise: float = 0.06  #: Cauchy scale of intensities, of the photo's median
@@ -82,6 +82,7 @@ class JointOptions:
     distance_spread: float = 0.25
     light_ridge: float = 1e-3
     max_step_mm: float = 4.0
+    settled_mm: float = 0.3  #: largest step after which a coarse level is done
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,8 @@ class JointState:
         Root mean square of the weighted residuals.
     step_mm : float
         Largest movement of the surface in this iteration.
-    level : int
+    level, turn : int
+        Which level, and how many steps it has taken.
     modes : (k,) array
         Coefficients of the prior's modes, start included.
     deviation : (M*N,) array or None
@@ -118,6 +120,7 @@ class JointState:
     residual: float
     step_mm: float
     level: int
+    turn: int
     modes: Array
     deviation: Array | None = None
 
@@ -304,9 +307,12 @@ def refine(
                 residual=float(np.sqrt((W * r**2).sum() / max(W.sum(), 1e-30))),
                 step_mm=damp * size,
                 level=number,
+                turn=turn + 1,
                 modes=before[1] + x.a,
                 deviation=deviation() if last else None,
             )
+            if not fine and damp * size < options.settled_mm:
+                break
 
 
 def _own_faces(template: Template, start: Bundle) -> Array:
