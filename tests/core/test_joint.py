@@ -568,6 +568,30 @@ def test_no_step_is_larger_than_allowed(monkeypatch, template, prior):
         before = state.surface
 
 
+@pytest.mark.parametrize(
+    "settled, turns", [(1e9, [1, 1, 1, 2, 3]), (0.0, [1, 2, 1, 2, 1, 2, 3])]
+)
+def test_coarse_levels_end_when_they_are_settled(
+    monkeypatch, template, prior, settled, turns
+):
+    """The last level takes all its steps, with all the harmonics, and the deviation."""
+    views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
+    monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
+    levels = (Level(3.0, 2, 8), Level(2.0, 2, 9), Level(1.0, 3, 10))
+    options = replace(
+        JointOptions(), levels=levels, degree=3, coarse_degree=2, settled_mm=settled
+    )
+    begin, marks = start(template, prior, plane(), views)
+    states = list(refine(template, prior, begin, range(PHOTOS), marks, options))
+    assert [state.turn for state in states] == turns
+    assert [state.level for state in states] == sorted(state.level for state in states)
+    for state in states:
+        assert state.lights.shape[1] == (16 if state.level == 2 else 9)
+    assert [state.deviation is not None for state in states].index(True) == len(
+        turns
+    ) - 1
+
+
 def test_held_points_go_where_the_template_has_them(monkeypatch, template, prior):
     """The start lies beside it and the prior thinks it right; one hard, one soft."""
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
