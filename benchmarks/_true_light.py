@@ -91,6 +91,7 @@ def shading_held(
     truth: Truth,
     cameras: Sequence[Camera],
     photos: Sequence[Photo],
+    options: joint_stage.JointOptions,
     lights: bool,
     albedo: bool,
 ) -> Iterator[None]:
@@ -99,16 +100,15 @@ def shading_held(
     A photo's intensities are relative to its median over the points that it sees, which
     the estimated geometry changes a little: held lights keep a factor for each photo.
     """
-    samples = joint_stage._samples
+    take = joint_stage.take_samples
     equations = joint_stage.normal_equations
     priors = joint_stage._add_photo_priors
     known: list[Shading] = []
+    blur = {level.grid: level.blur_mm for level in options.levels}
 
-    def note(template, reference, surface, level, own, options, degree):
-        at = samples(template, reference, surface, level, own, options, degree)
-        found = shading_on(
-            truth, cameras, photos, at.uv, level.blur_mm, degree, options
-        )
+    def note(template, reference, surface, grid, own, degree, shadows):
+        at = take(template, reference, surface, grid, own, degree, shadows)
+        found = shading_on(truth, cameras, photos, at.uv, blur[grid], degree, options)
         known[:] = [found]
         return at
 
@@ -143,7 +143,7 @@ def shading_held(
             hold_photos(blocks.H, len(at), slice(PARAMETERS, None))
 
     with (
-        mock.patch.object(joint_stage, "_samples", note),
+        mock.patch.object(joint_stage, "take_samples", note),
         mock.patch.object(joint_stage, "estimate_lighting", estimate),
         mock.patch.object(joint_stage, "normal_equations", unprojected),
         mock.patch.object(joint_stage, "_add_photo_priors", hold),

@@ -41,7 +41,7 @@ from _truth import (
 )
 from bsface.evidence.camera import PARAMETERS, Camera
 from bsface.evidence.gather import Gathered, gather
-from bsface.reconstruct import solve
+from bsface.reconstruct import joint_options, solve
 from bsface.settings import Settings
 from bsface.solve import bundle as bundle_stage
 from bsface.solve import joint as joint_stage
@@ -182,7 +182,12 @@ def replaced(
             stack.enter_context(cameras_held(cameras))
         if {LIGHTS, ALBEDO} & true:
             held = shading_held(
-                truth, cameras, gathered.photos, LIGHTS in true, ALBEDO in true
+                truth,
+                cameras,
+                gathered.photos,
+                joint_options(settings),
+                LIGHTS in true,
+                ALBEDO in true,
             )
             stack.enter_context(held)
         if START in true:

@@ -13,8 +13,8 @@ from bsface.evidence.gather import gather
 from bsface.reconstruct import observations
 from bsface.solve.classic import sample_photos
 from bsface.solve.imls import Limits, imls, paper_steps
-from bsface.solve.joint import sample_grid
 from bsface.solve.motion_paper import LandmarkObservations
+from bsface.solve.samples import sample_grid
 from bsface.solve.shading import ShadingParameters
 
 PHOTOS = Path(__file__).resolve().parent / "photos"

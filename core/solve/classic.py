@@ -24,8 +24,8 @@ from ..surface.bspline import BSplineSurface
 from ..surface.template import Template
 from .bundle import Observations
 from .imls import ImlsState, Limits, NormalField, Steps, imls, paper_steps
-from .joint import sample_grid
 from .motion_paper import LandmarkObservations
+from .samples import sample_grid
 from .shading import ShadingParameters
 
 Array = NDArray[np.float64]

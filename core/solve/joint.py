@@ -22,7 +22,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from ..evidence import harmonics
 from ..evidence.camera import PARAMETERS, Camera
@@ -33,7 +32,6 @@ from ..evidence.photometric import (
 )
 from ..evidence.photos import Photo
 from ..evidence.sampling import smooth_photo, view_weights
-from ..evidence.shadowing import Sky, sky
 from ..progress import Tick, no_tick
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.prior import ShapePrior
@@ -43,11 +41,11 @@ from .joint_system import (
     Blocks,
     add_held,
     add_landmarks,
-    contravariant,
     normal_equations,
     read_photos,
     solve_bordered,
 )
+from .samples import take_samples
 
 Array = NDArray[np.float64]
 
@@ -145,26 +143,6 @@ class JointState:
         )
 
 
-def sample_grid(template: Template, grid: int) -> Array:
-    """Skin points on a regular grid of (u, v), ``(p, 2)``."""
-    x = (np.arange(grid) + 0.5) / grid
-    uv = np.stack(np.meshgrid(x, x, indexing="ij"), -1).reshape(-1, 2)
-    keep = template.is_skin(uv)
-    for dx, dy in ((0.01, 0), (-0.01, 0), (0, 0.01), (0, -0.01)):
-        keep &= template.is_skin(uv + (dx, dy))
-    return uv[keep]
-
-
-class _Samples(NamedTuple):
-    """What one level keeps: sample points and the basis there."""
-
-    uv: Array
-    T: list[sparse.csr_array]
-    area: Array
-    moves: list[Array]  # of the points and their u, v slopes by each photo's expression
-    over: Sky
-
-
 class _Unknowns(NamedTuple):
     """Displacement of control points, modes, and the rest of the state."""
 
@@ -238,7 +216,9 @@ def refine(
     for number, level in enumerate(options.levels):
         fine = number + 1 == len(options.levels)
         degree = options.degree if fine else min(options.degree, options.coarse_degree)
-        at = _samples(template, reference, surface, level, own, options, degree)
+        at = take_samples(
+            template, reference, surface, level.grid, own, degree, options.shadows
+        )
         x = x._replace(lights=_with_degree(x.lights, degree))
         fields = []
         for q, c in zip(photos, x.cameras, strict=True):
@@ -253,7 +233,7 @@ def refine(
             )
             view *= weigh[:, None]
             tick()
-            X, N, up = _geometry(surface, at)
+            X, N, up = at.geometry(surface)
             X = np.broadcast_to(X, (n, *X.shape[1:]))
             value, by_camera, along = read_photos(
                 fields, x.cameras, X, at.T[0] @ directions, view
@@ -329,28 +309,6 @@ def _with_degree(lights: Array, degree: int) -> Array:
     """The same lights with harmonics up to a higher degree, the new ones zero."""
     more = (degree + 1) ** 2 - lights.shape[1]
     return np.pad(lights, ((0, 0), (0, more)))
-
-
-def _samples(template, reference, surface, level, own, options, degree) -> _Samples:
-    uv = sample_grid(template, level.grid)
-    shape = surface.shape
-    u, v = uv.T
-    T = [basis_matrix(shape, u, v, *k) for k in ((0, 0), (1, 0), (0, 1))]
-    fu, fv = reference.evaluate(u, v, du=1), reference.evaluate(u, v, dv=1)
-    area = np.linalg.norm(np.cross(fu, fv), axis=1)
-    kept = own if own.any() else own[:1]
-    moves = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]
-    over = sky(surface, uv, degree, options.shadows)
-    return _Samples(uv, T, area / area.mean(), moves, over)
-
-
-def _geometry(surface: BSplineSurface, at: _Samples):
-    """Points; normals and surface gradients: once, or for each photo's own face."""
-    X, fu, fv = (t @ surface.vector + m for t, m in zip(at.T, at.moves, strict=True))
-    N = np.cross(fv, fu)
-    N /= np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-12)
-    up = [contravariant(a, b) for a, b in zip(fu, fv, strict=True)]
-    return X, N, up
 
 
 def _rows(at, N, up, Y, lights, albedo, along, by_camera):

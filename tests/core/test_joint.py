@@ -12,9 +12,10 @@ import pytest
 import reference
 from bsface.evidence import harmonics
 from bsface.evidence.camera import PARAMETERS, Camera
-from bsface.solve import joint, joint_system
+from bsface.solve import joint, joint_system, samples
 from bsface.solve.bundle import Bundle, Observations
-from bsface.solve.joint import JointOptions, Level, refine, sample_grid
+from bsface.solve.joint import JointOptions, Level, refine
+from bsface.solve.samples import sample_grid
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
@@ -146,8 +147,8 @@ def first_step(monkeypatch, template, prior, surface, views, pictures, expressio
     monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
     monkeypatch.setattr(joint, "estimate_lighting", spy_lighting)
     monkeypatch.setattr(joint, "normal_equations", spy_equations)
-    sky = joint.sky
-    monkeypatch.setattr(joint, "sky", lambda *a: inside.setdefault("sky", sky(*a)))
+    sky = samples.sky
+    monkeypatch.setattr(samples, "sky", lambda *a: inside.setdefault("sky", sky(*a)))
     (state,) = refine(template, prior, bundle, range(len(views)), marks, options)
     own = np.tensordot(bundle.expressions, template.expression_modes, 1)
     found = (inside[k] for k in ("values", "lights", "albedo", "sky"))

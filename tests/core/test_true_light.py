@@ -53,10 +53,12 @@ def last_state(known, monkeypatch, lights, albedo):
             yield state
 
     monkeypatch.setattr(module, "refine", noted)
-    before = joint.estimate_lighting, joint.normal_equations, joint._samples
-    with _true_light.shading_held(truth, cameras, gathered.photos, lights, albedo):
+    before = dict(vars(joint))
+    options = module.joint_options(SETTINGS)
+    photos = gathered.photos
+    with _true_light.shading_held(truth, cameras, photos, options, lights, albedo):
         solve(gathered, SETTINGS, template)
-    assert before == (joint.estimate_lighting, joint.normal_equations, joint._samples)
+    assert all(before[name] is value for name, value in vars(joint).items())
     return states[-1], held[-1]
 
 
