@@ -118,6 +118,7 @@ def _memory_told() -> Iterator[None]:
         ) from None
 
 
+@one_blas_thread()
 def solve(
     gathered: Gathered,
     settings: Settings,
