@@ -250,6 +250,7 @@ def refine(
             scale = options.independence / options.noise**2
             tick()
             blocks = normal_equations(at.T, c, h, s, scale * W, r)
+            del c, h, s  # the largest arrays, while the solution needs room
             tick()
             add_landmarks(
                 blocks, seen, x.cameras, surface, offset, mark_uv, mark_T, directions,
