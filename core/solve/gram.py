@@ -17,9 +17,12 @@ Array = NDArray[np.float64]
 
 def gram(A: Array) -> Array:
     """``A^T A`` for ``A`` (p, q) in C order, ``(q, q)``; exactly symmetric."""
-    upper = np.asarray(dsyrk(1.0, A.T))
-    # BLAS counts columns first, so its upper triangle is our lower one transposed
-    return np.where(np.tri(len(upper), dtype=bool), upper.T, upper)
+    # BLAS counts columns first, so its upper triangle is our lower one. The other is
+    # filled in place: matrices of this size make the peak of the memory.
+    lower = np.asarray(dsyrk(1.0, A.T)).T
+    for i in range(len(lower)):
+        lower[i, i + 1 :] = lower[i + 1 :, i]
+    return lower
 
 
 def product(A: Array, B: Array) -> Array:

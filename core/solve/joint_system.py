@@ -150,7 +150,8 @@ def normal_equations(
         Wh = W[i][:, None] * h[i]
         own[i] = Wh.T @ h[i]
         gh[k] = -(Wh.T @ r[i])
-    H = -gram(G)
+    H = gram(G)
+    np.negative(H, out=H)
     for i in range(n):
         k = slice(i * m, (i + 1) * m)
         H[k, k] += own[i]
