@@ -22,6 +22,7 @@ from _methods import run
 from _sets import FaceSet, each_set, load_measure, load_set, score
 from _table import averages, text_table, write_csv
 from bsface.evidence.gather import Gathered, gather
+from bsface.evidence.photometric import robust_weights
 from bsface.settings import Settings
 from bsface.surface.template import Template, load_template
 
@@ -75,8 +76,8 @@ def _equal_weights(view: np.ndarray, residual: np.ndarray, noise: float) -> np.n
 
     Without the average the change would also make the photos count for more.
     """
-    robust = 1 / (1 + (residual / noise) ** 2)
-    return view * float((view * robust).sum() / max(view.sum(), 1e-12))
+    robust = robust_weights(view, residual, noise)
+    return view * float(robust.sum() / max(view.sum(), 1e-12))
 
 
 #: How many random choices of photos stand for a number of photos.

@@ -70,6 +70,15 @@ def sentence(text: str) -> None:
     text.encode("utf-8")  # can be printed
 
 
+def _loaded(load: Callable, refusal: type[Exception], *args):
+    """What a loader makes of its arguments; None if it refuses them in a sentence."""
+    try:
+        return load(*args)
+    except refusal as error:
+        sentence(str(error))
+        return None
+
+
 @lru_cache
 def _place() -> Path:
     return Path(tempfile.mkdtemp(prefix="bsface-fuzz-"))
@@ -149,10 +158,8 @@ def _landmark_files(ending: str) -> list[bytes]:
 def _landmarks(ending: str) -> Callable[[bytes], bool]:
     def run(data: bytes) -> bool:
         path = _file(f"marks{ending}", data)
-        try:
-            found = read_landmarks(path, "a.jpg", (100, 100))
-        except LandmarkFileError as error:
-            sentence(str(error))
+        found = _loaded(read_landmarks, LandmarkFileError, path, "a.jpg", (100, 100))
+        if found is None:
             return False
         assert np.isfinite(found.points).all() and np.isfinite(found.weight).all()
         return True
@@ -166,10 +173,8 @@ def _settings(data: bytes) -> bool:
         values = json.loads(data)
     except (ValueError, RecursionError):
         return False  # said by whoever reads the JSON
-    try:
-        found = Settings.from_dict(values)
-    except ValueError as error:
-        sentence(str(error))
+    found = _loaded(Settings.from_dict, ValueError, values)
+    if found is None:
         return False
     assert Settings.from_dict(json.loads(json.dumps(found.to_dict()))) == found
     return True
@@ -199,11 +204,8 @@ def _small_template() -> bytes:
 
 
 def _template(data: bytes) -> bool:
-    path = _file("template.npz", data)
-    try:
-        found = load_template(path)
-    except ValueError as error:
-        sentence(str(error))
+    found = _loaded(load_template, ValueError, _file("template.npz", data))
+    if found is None:
         return False
     inside = found.inside(found.landmark_uv)
     assert inside.shape == (468,) and found.eye_distance > 0
@@ -219,11 +221,8 @@ def _faces() -> list[bytes]:
 
 
 def _face(data: bytes) -> bool:
-    path = _file("face.npz", data)
-    try:
-        found = read_npz(path)
-    except ReconstructionError as error:
-        sentence(str(error))
+    found = _loaded(read_npz, ReconstructionError, _file("face.npz", data))
+    if found is None:
         return False
     facts = info.summary(found)
     to_json(facts)
