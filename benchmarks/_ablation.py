@@ -21,8 +21,8 @@ import numpy as np
 from _methods import run
 from _sets import FaceSet, each_set, load_measure, load_set, score
 from _table import averages, text_table, write_csv
-from bsface.evidence.gather import Gathered, gather
-from bsface.evidence.photometric import robust_weights
+from bsface.photometry.lighting import robust_weights
+from bsface.prepare import Gathered, gather
 from bsface.settings import Settings
 from bsface.surface.template import Template, load_template
 
@@ -64,7 +64,7 @@ def times(name: str, factor: float) -> Change:
 
 
 def _channel(*weights: float) -> dict[str, Any]:
-    return {"bsface.evidence.sampling.LUMINANCE": np.array(weights, np.float32)}
+    return {"bsface.photometry.sampling.LUMINANCE": np.array(weights, np.float32)}
 
 
 def _nothing_hidden(cover: Any, camera: Any, points: np.ndarray) -> np.ndarray:
@@ -101,7 +101,7 @@ GROUPS: dict[str, list[Variant]] = {
         Variant("no shadows", {"shadows": False}),
         Variant(
             "no robust weights",
-            patches={"bsface.evidence.photometric.robust_weights": _equal_weights},
+            patches={"bsface.photometry.lighting.robust_weights": _equal_weights},
         ),
         Variant("intensity noise x 0.5", times("intensity_noise", 0.5)),
         Variant("intensity noise x 2", times("intensity_noise", 2.0)),
@@ -111,7 +111,7 @@ GROUPS: dict[str, list[Variant]] = {
     "image": [
         Variant(
             "hidden points not left out",
-            patches={"bsface.evidence.sampling.hidden_in": _nothing_hidden},
+            patches={"bsface.photometry.sampling.hidden_in": _nothing_hidden},
         ),
         Variant("red channel", patches=_channel(1, 0, 0)),
         Variant("green channel", patches=_channel(0, 1, 0)),

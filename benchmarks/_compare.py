@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from bsface.evidence.camera import PARAMETERS, Camera
-from bsface.evidence.landmarks import Landmarks
-from bsface.evidence.pose_linear import linear_pose
-from bsface.solve.frame import fit_similarity
+from bsface.camera.camera import PARAMETERS, Camera
+from bsface.camera.linear_pose import linear_pose
+from bsface.landmarks.landmarks import Landmarks
+from bsface.solve.alignment import fit_similarity
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.template import Template
 from numpy.typing import NDArray

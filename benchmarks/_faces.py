@@ -8,15 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bsface.output.pictures import colour_map
-from bsface.output.rasterize import rasterize
-from bsface.output.render import (
-    SurfaceGrid,
-    sample_surface,
-    shaded_view,
-    yaw_rotation,
-)
-from bsface.solve.baseline import DepthFace
+from _baseline import DepthFace
+from bsface.drawing.pictures import colour_map
+from bsface.drawing.rasterize import rasterize
+from bsface.drawing.render import SurfaceGrid, sample_surface, shaded_view, yaw_rotation
 from bsface.surface.bspline import BSplineSurface, grid_triangles
 from bsface.surface.template import Template
 from numpy.typing import NDArray

@@ -10,16 +10,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from bsface.evidence.crops import CROP_MARGIN, Crop, pyramid, sample
-from bsface.evidence.face_models import find_models, load_network
-from bsface.evidence.facemesh import (
+from bsface.landmarks.crops import CROP_MARGIN, Crop, pyramid, sample
+from bsface.landmarks.face_mesh import (
     LEFT_EYE_OUTER,
     MESH_OUTPUTS,
     MESH_SIDE,
     RIGHT_EYE_OUTER,
 )
-from bsface.evidence.gather import Gathered
-from bsface.solve.frame import EYE_CORNERS, fit_similarity
+from bsface.landmarks.face_models import find_models, load_network
+from bsface.prepare import Gathered
+from bsface.solve.alignment import EYE_CORNERS, fit_similarity
 from bsface.surface.template import Template
 from numpy.typing import NDArray
 

@@ -7,17 +7,17 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
+from _baseline import baseline
 from _faces import Face, depth_face, given_face, surface_face
 from _sets import GIVEN_TEMPLATE
+from bsface.camera.camera import Camera
+from bsface.camera.linear_pose import linear_pose
 from bsface.errors import ReconstructionError
-from bsface.evidence.camera import Camera
-from bsface.evidence.gather import Gathered
-from bsface.evidence.pose_linear import linear_pose
+from bsface.prepare import Gathered
 from bsface.reconstruct import solve
 from bsface.result import Reconstruction
 from bsface.settings import Settings
-from bsface.solve.baseline import baseline
-from bsface.solve.classic import sample_photos
+from bsface.solve.paper.on_photos import sample_photos
 from bsface.surface.template import Template
 
 #: Name -> words for the page. "default" is what a user gets who chooses nothing.

@@ -17,8 +17,8 @@ from _methods import METHODS
 from _reliability import LEVELS, PARTS
 from _sets import FaceSet, Score
 from _table import COLUMNS, averages, show
-from bsface.output.files import write_text
-from bsface.output.pictures import colour_map, encode_jpeg, encode_png
+from bsface.drawing.pictures import colour_map, encode_jpeg, encode_png
+from bsface.files import write_text
 from bsface.settings import Settings
 
 #: Upper end of the colour scale of all error maps, % of the eye distance.

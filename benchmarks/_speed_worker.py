@@ -74,7 +74,7 @@ def job(folder: str, net: int = 0) -> list[dict]:
 def nets(folder: str, sizes: str) -> list[dict]:
     """Everything after the landmarks, for several nets."""
     from bsface import Settings
-    from bsface.evidence.gather import gather
+    from bsface.prepare import gather
     from bsface.reconstruct import solve
     from bsface.surface.template import load_template
 
@@ -141,7 +141,7 @@ def own_times(stats: pstats.Stats, folder: str) -> list[dict]:
 
 def dense(net: int, points: int) -> list[dict]:
     """Eq. 6 as Algorithm 1 prints it, dense and inverted, against the sparse solve."""
-    from bsface.solve.shading import (
+    from bsface.solve.paper.shading import (
         NormalRows,
         ShadingParameters,
         left_matrix,

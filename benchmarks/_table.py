@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from bsface.output.files import write_text
+from bsface.files import write_text
 
 #: Columns of the accuracy table: key, heading, format.
 COLUMNS = (

@@ -14,18 +14,18 @@ from unittest import mock
 
 import numpy as np
 from _truth import Truth, hold_photos
-from bsface.evidence.camera import PARAMETERS, Camera
-from bsface.evidence.photometric import (
+from bsface.camera.camera import PARAMETERS, Camera
+from bsface.images.photo import Photo
+from bsface.photometry.lighting import (
     estimate_lighting,
     robust_weights,
     solve_albedo,
     solve_lights,
 )
-from bsface.evidence.photos import Photo
-from bsface.evidence.sampling import smooth_photo, view_weights
-from bsface.evidence.shadowing import sky
-from bsface.solve import joint as joint_stage
-from bsface.solve.joint_system import read_photos
+from bsface.photometry.sampling import smooth_photo, view_weights
+from bsface.photometry.transfer import sky
+from bsface.solve.joint import refine as joint_stage
+from bsface.solve.joint.system import read_photos
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]

@@ -14,9 +14,9 @@ from types import ModuleType
 
 import numpy as np
 from _sets import FaceSet
-from bsface.evidence.camera import Camera
-from bsface.evidence.gather import Gathered
-from bsface.evidence.landmarks import Landmarks
+from bsface.camera.camera import Camera
+from bsface.landmarks.landmarks import Landmarks
+from bsface.prepare import Gathered
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.prior import ShapePrior
 from bsface.surface.template import Template

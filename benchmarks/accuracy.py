@@ -32,7 +32,7 @@ from _reliability import reliability, reliability_table
 from _sets import EVAL, ROOT, each_set, find_sets, load_measure, load_set, score
 from _table import COLUMNS, averages, text_table, write_csv
 from bsface.errors import ReconstructionError
-from bsface.evidence.gather import gather
+from bsface.prepare import gather
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 

@@ -39,12 +39,12 @@ from _truth import (
     true_landmarks,
     true_template,
 )
-from bsface.evidence.camera import PARAMETERS, Camera
-from bsface.evidence.gather import Gathered, gather
+from bsface.camera.camera import PARAMETERS, Camera
+from bsface.prepare import Gathered, gather
 from bsface.reconstruct import joint_options, solve
 from bsface.settings import Settings
-from bsface.solve import bundle as bundle_stage
-from bsface.solve import joint as joint_stage
+from bsface.solve import motion as bundle_stage
+from bsface.solve.joint import refine as joint_stage
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import Template, load_template
 

@@ -41,17 +41,17 @@ from _meshes import photo_meshes, procrustes_mean, scaled_to_eyes
 from _methods import changed_settings
 from _sets import ROOT
 from _table import text_table, write_csv
+from bsface.drawing.pictures import encode_jpeg
+from bsface.drawing.render import render_views
 from bsface.errors import ReconstructionError
-from bsface.evidence.gather import Gathered, gather
-from bsface.output.colour import to_picture
-from bsface.output.files import write_bytes
-from bsface.output.pictures import encode_jpeg
-from bsface.output.render import render_views
-from bsface.output.texture import bake_texture
+from bsface.files import write_bytes
+from bsface.images.colour import to_picture
+from bsface.prepare import Gathered, gather
 from bsface.reconstruct import solve
 from bsface.settings import Settings
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import Template, load_template
+from bsface.texture.bake import bake_texture
 
 PHOTOS = ROOT.parent / "shared" / "photos" / "lfw"
 PARTS = ("halves", "held-out", "views")

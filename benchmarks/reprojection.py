@@ -27,9 +27,9 @@ from pathlib import Path
 import numpy as np
 from _sets import EVAL, ROOT
 from _table import text_table, write_csv
-from bsface.output.texture_views import faces_of
 from bsface.reconstruct import reconstruct
 from bsface.result import Reconstruction
+from bsface.texture.views import faces_of
 
 REAL = ROOT.parent / "shared" / "photos" / "lfw"
 # The set whose pictures are the examples.

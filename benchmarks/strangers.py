@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 from _sets import EVAL, ROOT
 from _table import text_table, write_csv
-from bsface.evidence.appearance import (
+from bsface.identity.descriptor import (
     Appearance,
     General,
     general_of,
@@ -36,8 +36,8 @@ from bsface.evidence.appearance import (
     mean_pattern,
     pattern_variance,
 )
-from bsface.evidence.gather import gather
-from bsface.evidence.same_person import tell_apart
+from bsface.identity.same_person import tell_apart
+from bsface.prepare import gather
 from bsface.settings import Settings
 
 PRESS = ROOT.parent / "shared" / "photos" / "lfw"

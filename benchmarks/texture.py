@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 from _table import write_csv
+from _texture_check import plain_average, rerender_errors
 from bsface import Reconstruction, reconstruct
-from bsface.output.colour import to_picture
-from bsface.output.pictures import write_png
-from bsface.output.render import render_views
-from bsface.output.texture import Texture, bake_texture
-from bsface.output.texture_check import plain_average, rerender_errors
+from bsface.drawing.pictures import write_png
+from bsface.drawing.render import render_views
+from bsface.images.colour import to_picture
+from bsface.texture.bake import Texture, bake_texture
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "photos"
 ROWS = {

@@ -1,6 +1,6 @@
 """One Blender camera per photo, with the photo as its background.
 
-The core's camera (`core/evidence/camera.py`) projects a head point Q in millimetres
+The core's camera (`core/camera/camera.py`) projects a head point Q in millimetres
 as ``X = R Q``, ``pixel = principal + (t + s (X_x, -X_y)) / (1 - kappa X_z)``: with
 ``kappa > 0`` a perspective camera at the distance ``1 / kappa`` whose focal length is
 ``s / kappa`` pixels, with ``kappa = 0`` a scaled orthographic one.  Blender's camera

@@ -9,7 +9,7 @@ from . import face_file
 
 def with_ending(path, kind):
     """The path with the ending of a format in place of another format's."""
-    from ..core.output.formats import ending
+    from ..core.formats import ending
 
     found = ending(path)
     stem = path[: -len(found)] if found else path
@@ -18,7 +18,7 @@ def with_ending(path, kind):
 
 def write(path, face, trimmed=True, tolerance=0.05):
     """Write a face in the format of the path's ending; see core ``export``."""
-    from ..core.output.formats import ending, export
+    from ..core.formats import ending, export
 
     if ending(path) == ".npz":
         return face_file.write(path, face)
@@ -30,8 +30,8 @@ def write_image(path, image):
     """Write a map as a PNG whose top row is the forehead."""
     import numpy as np
 
-    from ..core.output.files import write_bytes
-    from ..core.output.pictures import encode_png
+    from ..core.drawing.pictures import encode_png
+    from ..core.files import write_bytes
 
     width, height = image.size
     pixels = np.empty(width * height * 4, np.float32)

@@ -22,7 +22,7 @@ MOVED_MM = 1e-3
 
 def keep(face, result):
     """Store what the core's file of a reconstruction would hold."""
-    from ..core.output.formats.npz import contents, npz_bytes
+    from ..core.formats.face_file import contents, npz_bytes
 
     if KEY in face:
         # Blender cuts bytes at the first zero when they replace others.
@@ -38,7 +38,7 @@ def saved(face, key=None):
     key : str, optional
         Shape key to take the control points from.
     """
-    from ..core.output.formats.npz import read_npz
+    from ..core.formats.face_file import read_npz
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "face.npz"
@@ -48,13 +48,13 @@ def saved(face, key=None):
 
 def write(path, face):
     """Write the face file of an object."""
-    from ..core.output.files import write_bytes
+    from ..core.files import write_bytes
 
     return write_bytes(path, _bytes(face, surface_object.read(face)))
 
 
 def _bytes(face, points):
-    from ..core.output.formats.npz import npz_bytes
+    from ..core.formats.face_file import npz_bytes
 
     with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}

@@ -80,7 +80,7 @@ def reconstruct(options):
     import bpy
 
     from ..core.errors import ReconstructionError
-    from ..core.evidence.photos import list_photos
+    from ..core.images.photo import list_photos
     from . import arguments, pipeline
     from .console import Console
 
@@ -120,7 +120,7 @@ def info(options):
 
     path = _existing(options.file)
     if path.suffix.lower() == ".npz":
-        from ..core.output.formats.npz import read_npz
+        from ..core.formats.face_file import read_npz
 
         saved = read_npz(path)
         found = [_summary(path.stem, saved.surface.shape, saved.report, saved.settings)]
@@ -147,13 +147,13 @@ def export(options):
     import bpy
 
     from ..core.errors import ReconstructionError
-    from ..core.output.formats import export as write
+    from ..core.formats import export as write
     from . import export_face, scene
 
     path, target = _existing(options.file), Path(options.out)
     trimmed = not options.untrimmed
     if path.suffix.lower() == ".npz":
-        from ..core.output.formats.npz import read_npz
+        from ..core.formats.face_file import read_npz
 
         face = read_npz(path)
         written = write(target, face, trimmed=trimmed, tolerance=options.tolerance)
@@ -225,7 +225,7 @@ def _build(bpy, request, outcome, options):
 
 def _write(bpy, output, outcome, options):
     """Write what was asked for; each file appears whole or not at all."""
-    from ..core.output.files import replacing
+    from ..core.files import replacing
 
     written = [output]
     with replacing(output) as temporary:
@@ -235,11 +235,11 @@ def _write(bpy, output, outcome, options):
             filepath=str(temporary.resolve()), compress=True, relative_remap=False
         )
     if options.npz:
-        from ..core.output.formats.npz import write_npz
+        from ..core.formats.face_file import write_npz
 
         written.append(write_npz(options.npz, outcome.result))
     if options.report:
-        from ..core.output.report import write_report
+        from ..core.report.report import write_report
 
         page = write_report(
             options.report,

@@ -39,9 +39,9 @@ def all_maps(result, texture=None):
     texture : core Texture, optional
         Without it there is no skin.
     """
-    from ..core.output.colour import to_picture
-    from ..core.output.maps import confidence_map, residual_map
-    from ..core.output.pictures import colour_map
+    from ..core.drawing.maps import confidence_map, residual_map
+    from ..core.drawing.pictures import colour_map
+    from ..core.images.colour import to_picture
 
     found = {"NORMALS": normals(result.surface)}
     residual = None

@@ -23,7 +23,7 @@ def add(context, face, surface, outline_uv, tolerance):
     -------
     bpy.types.Object
     """
-    from ..core.output.formats.mesh import tessellate
+    from ..core.formats.mesh import tessellate
 
     made = tessellate(surface, outline_uv, tolerance)
     mesh = bpy.data.meshes.new(f"{face.name} mesh")

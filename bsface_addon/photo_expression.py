@@ -22,7 +22,7 @@ FAINT = 1e-3
 
 def keep(face, result):
     """Store the expressions of a run's photos; nothing where they share one."""
-    from ..core.output.formats.npz import to_json
+    from ..core.formats.face_file import to_json
 
     found = {}
     if result.expressions is not None:
@@ -61,7 +61,7 @@ def hide(face):
 def _points(face, mixture):
     import numpy as np
 
-    from ..core.solve.track import know
+    from ..core.solve.known_face import know
     from ..core.surface.template import load_template
 
     surface = face_file.surface(face)

@@ -91,7 +91,7 @@ def landmarks(row):
     """The row's core Landmarks, or None."""
     import numpy as np
 
-    from ..core.evidence.landmarks import Landmarks
+    from ..core.landmarks.landmarks import Landmarks
 
     if not row.landmarks:
         return None

@@ -120,7 +120,7 @@ def solve(request, progress=None):
         By ``progress``.
     """
     from ..core.reconstruct import reconstruct
-    from ..core.solve.edited import Held, edited_template, hold
+    from ..core.solve.constraint import Held, edited_template, hold
     from ..core.surface.template import load_template
 
     def tell(step):
@@ -158,8 +158,8 @@ def solve(request, progress=None):
 
 def _texture(result, progress, size):
     """The core's Texture of the used photos, with progress; None without photos."""
-    from ..core.output.texture import bake_texture
     from ..core.progress import Step
+    from ..core.texture.bake import bake_texture
 
     def tell(fraction):
         if progress is not None:
@@ -215,7 +215,7 @@ def photos_of(face):
 
 def detect(request, progress=None):
     """Find faces and landmarks only; returns the core's Gathered."""
-    from ..core.evidence.gather import gather
+    from ..core.prepare import gather
 
     return gather(
         request.photos,
@@ -241,7 +241,7 @@ def next_face(path, name, scheme, current):
     ReconstructionError
         No face was found.
     """
-    from ..core.evidence.faces_in import faces_in
+    from ..core.landmarks.all_faces import faces_in
     from ..core.settings import Settings
 
     found = faces_in(path, name, Settings(landmarks=scheme))
@@ -259,8 +259,8 @@ def hints(gathered):
     """Sentences on the views that are missing, before anything is solved."""
     import numpy as np
 
-    from ..core.evidence.coverage import shortcomings
-    from ..core.evidence.pose_linear import linear_pose
+    from ..core.camera.coverage import shortcomings
+    from ..core.camera.linear_pose import linear_pose
     from ..core.surface.template import load_template
 
     template = load_template()
@@ -276,7 +276,7 @@ def hints(gathered):
 
 def photo_size(path, name):
     """A core Photo (its size is that of the turned picture) or PhotoFailure."""
-    from ..core.evidence.photos import read_photo
+    from ..core.images.photo import read_photo
 
     return read_photo(path, name)
 
@@ -292,7 +292,7 @@ def line_indices(scheme):
 
 def write_landmarks(path, found):
     """Write landmarks; .pts takes the 68 points out of the 468."""
-    from ..core.evidence.landmarks import write_landmarks
+    from ..core.landmarks.landmarks import write_landmarks
 
     if path.suffix.lower() == ".pts" and found.scheme == "468":
         found = found.subset("68", line_indices("468"))

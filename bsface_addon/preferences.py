@@ -10,7 +10,7 @@ from bpy.props import StringProperty
 # The extension's own name, such as bl_ext.user_default.bsface.
 from .. import __package__ as base_package
 
-# Where the core looks first for the model files (core/evidence/facemesh.py).
+# Where the core looks first for the model files (core/landmarks/face_mesh.py).
 VARIABLE = "BSFACE_MODELS"
 
 

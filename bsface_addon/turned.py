@@ -33,9 +33,9 @@ def turn(row, quarters):
     """
     import numpy as np
 
-    from ..core.evidence.photos import read_photo
-    from ..core.output.files import write_bytes
-    from ..core.output.pictures import encode_png
+    from ..core.drawing.pictures import encode_png
+    from ..core.files import write_bytes
+    from ..core.images.photo import read_photo
 
     original = Path(bpy.path.abspath(row.original)) if row.original else None
     original = original or photo_list.absolute(row)

@@ -22,8 +22,8 @@ from .cli.arguments import check_outputs, parse_settings
 from .cli.bar import Bar
 from .cli.stopping import stoppable
 from .errors import Cancelled, ReconstructionError, out_of_memory
-from .output.formats import export
-from .output.formats.npz import to_json
+from .formats import export
+from .formats.face_file import to_json
 from .progress import Step
 from .reconstruct import reconstruct
 from .surface.template import load_template
@@ -104,7 +104,7 @@ def reconstruct_command(argv: Sequence[str]) -> int:
             export(name, result)
             written.append(name)
         if args.report:
-            from .output.report import write_report
+            from .report.report import write_report
 
             write_report(Path(args.report), result, progress=_telling(bar))
     except ReconstructionError as error:
@@ -163,7 +163,7 @@ def _tell(args: argparse.Namespace, result) -> None:
 
 def _batch(argv: Sequence[str]) -> int:
     # imported here: it pulls in the texture and the report page
-    from .output.batch import main as run
+    from .cli.batch import main as run
 
     return run(argv)
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .evidence.gather import Gathered
-from .evidence.photometric import PhotometricEvidence
-from .evidence.photos import natural_key
+from .images.photo import natural_key
+from .photometry.lighting import PhotometricEvidence
+from .prepare import Gathered
 from .result import PhotoReport
-from .solve.bundle import Bundle, Observations
 from .solve.expression import expression_moves
+from .solve.motion import Bundle, Observations
 from .surface.template import Template
 
 

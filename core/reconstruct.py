@@ -12,26 +12,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .camera.camera import Camera
+from .camera.coverage import shortcomings
+from .camera.linear_pose import linear_pose
 from .clock import Clock
 from .errors import ReconstructionError, out_of_memory
-from .evidence import harmonics
-from .evidence.camera import Camera
-from .evidence.coverage import shortcomings
-from .evidence.gather import Gathered, gather
-from .evidence.landmarks import Landmarks
-from .evidence.photometric import PhotometricEvidence
-from .evidence.pose_linear import linear_pose
+from .landmarks.landmarks import Landmarks
 from .photo_reports import photo_reports
+from .photometry import harmonics
+from .photometry.lighting import PhotometricEvidence
+from .prepare import Gathered, gather
 from .progress import Progress
 from .result import Reconstruction
 from .settings import Settings
-from .solve.bundle import Bundle, BundleOptions, Observations, adjust
-from .solve.classic import run_imls
-from .solve.edited import Held, edited_template, hold
+from .solve.alignment import head_frame
+from .solve.constraint import Held, edited_template, hold
 from .solve.expression import settle_expressions
-from .solve.frame import head_frame
-from .solve.joint import JointOptions, Level, refine
-from .solve.track import know
+from .solve.joint.refine import JointOptions, Level, refine
+from .solve.known_face import know
+from .solve.motion import Bundle, BundleOptions, Observations, adjust
+from .solve.paper.on_photos import run_imls
 from .surface.bspline import BSplineSurface
 from .surface.prior import shape_prior
 from .surface.template import Template, load_template

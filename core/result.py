@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .evidence.camera import Camera
-from .evidence.landmarks import Landmarks
-from .evidence.photometric import PhotometricEvidence
-from .evidence.photos import Photo
+from .camera.camera import Camera
+from .images.photo import Photo
+from .landmarks.landmarks import Landmarks
+from .photometry.lighting import PhotometricEvidence
 from .settings import Settings
 from .surface.bspline import BSplineSurface
 from .surface.template import Template

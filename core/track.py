@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .camera.camera import Camera
 from .errors import PhotoFailure, ReconstructionError
-from .evidence.camera import Camera
-from .evidence.gather import gather
-from .evidence.landmarks import Landmarks
-from .evidence.photos import Photo
-from .output.formats.npz import SavedFace
+from .formats.face_file import SavedFace
+from .images.photo import Photo
+from .landmarks.landmarks import Landmarks
+from .prepare import gather
 from .progress import Progress
 from .reconstruct import bundle_options
 from .result import Reconstruction
 from .settings import Settings
-from .solve.bundle import Observations
-from .solve.track import KnownFace, find_again, know
-from .solve.track_shading import ShadingOptions, Skin, find_by_shading, skin
+from .solve.known_face import KnownFace, find_again, know
+from .solve.known_face_shading import ShadingOptions, Skin, find_by_shading, skin
+from .solve.motion import Observations
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
 from .threads import one_blas_thread

@@ -19,10 +19,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from bsface.drawing.pictures import write_png
+from bsface.drawing.render import SurfaceGrid, shaded_view
 from bsface.errors import ReconstructionError
-from bsface.output.formats import export, read_npz
-from bsface.output.pictures import write_png
-from bsface.output.render import SurfaceGrid, shaded_view
+from bsface.formats import export, read_npz
 from bsface.surface.bspline import grid_triangles
 
 ROOT = Path(__file__).resolve().parents[1]

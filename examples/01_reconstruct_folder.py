@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
 """A folder of photos in; a face file and a page to look at out.
 
-    python examples/01_reconstruct_folder.py [PHOTOS [OUT]]
+python examples/01_reconstruct_folder.py [PHOTOS [OUT]]
 """
 
 import sys
 from pathlib import Path
 
 import bsface
-from bsface.output.formats import export
-from bsface.output.report import write_report
+from bsface.formats import export
+from bsface.report.report import write_report
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

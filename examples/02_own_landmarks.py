@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import bsface
-from bsface.evidence.gather import gather
-from bsface.evidence.landmarks import Landmarks, write_landmarks
+from bsface.landmarks.landmarks import Landmarks, write_landmarks
+from bsface.prepare import gather
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What a reconstruction holds: coefficient matrices, normals, cameras, lights.
 
-    python examples/03_look_inside.py [PHOTOS [OUT]]
+python examples/03_look_inside.py [PHOTOS [OUT]]
 """
 
 import sys

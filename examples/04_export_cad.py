@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 """A face file to CAD programs and as meshes.
 
-    python examples/04_export_cad.py [PHOTOS [OUT]]
+python examples/04_export_cad.py [PHOTOS [OUT]]
 """
 
 import sys
 from pathlib import Path
 
 import bsface
-from bsface.output.formats import WRITERS, export, read_npz
+from bsface.formats import WRITERS, export, read_npz
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

@@ -11,8 +11,8 @@ import shutil
 import sys
 from pathlib import Path
 
-from bsface.evidence.photos import list_photos
-from bsface.output.batch import run_batch
+from bsface.batch.run import run_batch
+from bsface.images.photo import list_photos
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

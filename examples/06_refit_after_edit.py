@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Edit the control net and fit again, with the edited points held.
 
-    python examples/06_refit_after_edit.py [PHOTOS [OUT]]
+python examples/06_refit_after_edit.py [PHOTOS [OUT]]
 """
 
 import sys
@@ -10,8 +10,8 @@ from pathlib import Path
 
 import bsface
 import numpy as np
-from bsface.output.formats import export
-from bsface.solve.edited import hold
+from bsface.formats import export
+from bsface.solve.constraint import hold
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

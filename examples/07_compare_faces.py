@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
 """How two faces differ, point by point of the same (u, v).
 
-    python examples/07_compare_faces.py [PHOTOS [OUT]]
+python examples/07_compare_faces.py [PHOTOS [OUT]]
 """
 
 import sys
 from pathlib import Path
 
 import bsface
-from bsface.evidence.photos import list_photos
-from bsface.output.compare import compare, comparison_picture
-from bsface.output.pictures import write_png
+from bsface.compare import compare, comparison_picture
+from bsface.drawing.pictures import write_png
+from bsface.images.photo import list_photos
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 """The skin's own colour on the surface's (u, v), the light of the photos taken out.
 
-    python examples/08_texture.py [PHOTOS [OUT]]
+python examples/08_texture.py [PHOTOS [OUT]]
 """
 
 import sys
 from pathlib import Path
 
 import bsface
-from bsface.output.colour import to_picture
-from bsface.output.pictures import write_png
-from bsface.output.render import render_views
-from bsface.output.texture import bake_texture, write_texture
+from bsface.drawing.pictures import write_png
+from bsface.drawing.render import render_views
+from bsface.images.colour import to_picture
+from bsface.texture.bake import bake_texture, write_texture
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The paper's Algorithm 1 state by state, with the ingredients in your hands.
 
-    python examples/09_algorithm_step_by_step.py [PHOTOS [OUT]]
+python examples/09_algorithm_step_by_step.py [PHOTOS [OUT]]
 """
 
 import sys
@@ -9,13 +9,13 @@ from pathlib import Path
 
 import bsface
 import numpy as np
-from bsface.evidence.gather import gather
+from bsface.prepare import gather
 from bsface.reconstruct import observations
-from bsface.solve.classic import sample_photos
-from bsface.solve.imls import Limits, imls, paper_steps
-from bsface.solve.motion_paper import LandmarkObservations
-from bsface.solve.samples import sample_grid
-from bsface.solve.shading import ShadingParameters
+from bsface.solve.joint.samples import sample_grid
+from bsface.solve.paper.algorithm1 import Limits, imls, paper_steps
+from bsface.solve.paper.motion import LandmarkObservations
+from bsface.solve.paper.on_photos import sample_photos
+from bsface.solve.paper.shading import ShadingParameters
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

@@ -10,9 +10,9 @@ from pathlib import Path
 import bsface
 import cv2
 import numpy as np
-from bsface.evidence.photos import list_photos
-from bsface.output.formats import export, read_npz
-from bsface.output.pictures import write_png
+from bsface.drawing.pictures import write_png
+from bsface.formats import export, read_npz
+from bsface.images.photo import list_photos
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

@@ -187,7 +187,7 @@ def little_memory(package: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def no_models(package: str) -> Iterator[None]:
-    module = sys.modules[f"{package}.evidence.face_models"]
+    module = sys.modules[f"{package}.landmarks.face_models"]
     nowhere = (Path("/nowhere/models"),)
     with mock.patch.object(module, "model_folders", return_value=nowhere):
         yield

@@ -18,7 +18,7 @@ from typing import Any
 
 from bad_input import ROOT, JobRow
 from bsface import ReconstructionError, Settings, __main__, load_template, reconstruct
-from bsface.output.formats import export
+from bsface.formats import export
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 from bsface import Settings
-from bsface.evidence.faces_in import faces_in
+from bsface.landmarks.all_faces import faces_in
 from fake_face import other_skin, person_folder
 from pictures_for_tests import animated, bomb, cmyk, encoded, exif_turned, palette
 

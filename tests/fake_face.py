@@ -112,13 +112,13 @@ def painted_reconstruction(
     count: int = 8, side: int = 200, seed: int = 2
 ) -> FakeReconstruction:
     """Photos drawn of `skin_pattern` under one soft light each, poses known."""
-    from bsface.evidence import harmonics
-    from bsface.evidence.camera import Camera
-    from bsface.evidence.landmarks import Landmarks
-    from bsface.evidence.photos import Photo
-    from bsface.output import render
-    from bsface.output.colour import to_picture
-    from bsface.output.rasterize import rasterize
+    from bsface.camera.camera import Camera
+    from bsface.drawing import render
+    from bsface.drawing.rasterize import rasterize
+    from bsface.images.colour import to_picture
+    from bsface.images.photo import Photo
+    from bsface.landmarks.landmarks import Landmarks
+    from bsface.photometry import harmonics
 
     rng = np.random.default_rng(seed)
     surface = face_surface()
@@ -205,11 +205,11 @@ def person_folder(
     """
     import json
 
-    from bsface.evidence import harmonics
-    from bsface.evidence.camera import Camera
-    from bsface.output import pictures, render
-    from bsface.output.colour import to_picture
-    from bsface.output.rasterize import rasterize
+    from bsface.camera.camera import Camera
+    from bsface.drawing import pictures, render
+    from bsface.drawing.rasterize import rasterize
+    from bsface.images.colour import to_picture
+    from bsface.photometry import harmonics
     from bsface.surface.template import load_template
 
     rng = np.random.default_rng(seed)

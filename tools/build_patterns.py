@@ -6,7 +6,7 @@
 The folder holds one folder a person, at least two, each with photos or with the sets
 ``S1`` to ``S5`` of photos of one expression or light each, in ``images``; people count
 the same whatever their number of photos.  Stored are, in hundredths, the mean patterns
-of contrast that `bsface.evidence.appearance` reads at 96 x 96 places of the face, over
+of contrast that `bsface.identity.descriptor` reads at 96 x 96 places of the face, over
 all people but one and their mirror images: as many as people, so that for each of them
 there is one without; and, in 1/200, the variance of a person's pattern.
 
@@ -21,7 +21,8 @@ import io
 from pathlib import Path
 
 import numpy as np
-from bsface.evidence.appearance import (
+from bsface.files import write_bytes
+from bsface.identity.descriptor import (
     PATTERNS,
     SIDE,
     general_of,
@@ -29,8 +30,7 @@ from bsface.evidence.appearance import (
     mean_pattern,
     pattern_variance,
 )
-from bsface.evidence.gather import gather
-from bsface.output.files import write_bytes
+from bsface.prepare import gather
 from bsface.settings import Settings
 
 SETS = ("S1", "S2", "S3", "S4", "S5")

@@ -304,9 +304,9 @@ class Gaps:
 def gaps(count: int, method: str) -> str:
     """Longest gaps over the example photos: the run, the texture, page, exports."""
     from bsface import Settings, reconstruct
-    from bsface.output.formats import export
-    from bsface.output.report import write_report
-    from bsface.output.texture import bake_texture
+    from bsface.formats import export
+    from bsface.report.report import write_report
+    from bsface.texture.bake import bake_texture
 
     paths = sorted(PHOTOS.glob("*.jpg"))[:count]
     seen = Gaps()

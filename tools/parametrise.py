@@ -45,8 +45,16 @@ def clip(angles, triangles, arrays, rectangle=RECTANGLE):
         new_angles, new_rows = [], [[] for _ in arrays]
         out, out_owner = [], []
 
-        def cut(a, b, side=side, made=made, new=new_angles, rows=new_rows, arr=arrays,
-                angles=angles):
+        def cut(
+            a,
+            b,
+            side=side,
+            made=made,
+            new=new_angles,
+            rows=new_rows,
+            arr=arrays,
+            angles=angles,
+        ):
             key = (min(a, b), max(a, b))
             if key not in made:
                 w = side[a] / (side[a] - side[b])

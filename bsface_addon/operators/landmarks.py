@@ -167,7 +167,7 @@ class BSFACE_OT_landmarks_import(LandmarkFile, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context):
-        from ...core.evidence.landmarks import LandmarkFileError, read_landmarks
+        from ...core.landmarks.landmarks import LandmarkFileError, read_landmarks
 
         row = self.row(context)
         if row is None:

@@ -7,8 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..output.files import why_not_writable
-from ..output.formats import WRITERS, ending
+from ..files import why_not_writable
+from ..formats import WRITERS, ending
 from ..settings import Settings
 
 

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 
 from ..errors import ReconstructionError
-from ..output.formats import ending, export, read_npz
+from ..formats import ending, export, read_npz
 from .arguments import check_outputs, say
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ReconstructionError
-from ..output.formats.npz import SavedFace, read_npz, to_json
+from ..formats.face_file import SavedFace, read_npz, to_json
 from .arguments import say
 
 

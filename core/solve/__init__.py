@@ -1,1 +1,1 @@
-"""Second floor: making the face."""
+"""Solvers: motion from landmarks, the joint system, the methods of the paper."""

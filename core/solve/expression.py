@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.template import Template
-from .bundle import Bundle, Observations
+from .motion import Bundle, Observations
 
 Array = NDArray[np.float64]
 

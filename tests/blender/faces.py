@@ -9,8 +9,8 @@ from blender.checkout import load
 from fake_face import bare_reconstruction
 from scipy.spatial.transform import Rotation
 
-Camera = load("core.evidence.camera").Camera
-Landmarks = load("core.evidence.landmarks").Landmarks
+Camera = load("core.camera.camera").Camera
+Landmarks = load("core.landmarks.landmarks").Landmarks
 
 SIZE = (160, 200)
 YAWS = (-30.0, 0.0, 25.0)

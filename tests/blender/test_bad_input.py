@@ -12,7 +12,7 @@ from bsface import Settings, reconstruct
 from permissions import as_ordinary_user
 
 load("core.reconstruct")
-face_models = load("core.evidence.face_models")
+face_models = load("core.landmarks.face_models")
 errors = load("core.errors")
 
 JOBS = [row for row in bad_input.job_rows() if row.blender]

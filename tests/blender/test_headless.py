@@ -16,7 +16,7 @@ headless = load("bsface_addon.headless")
 arguments = load("bsface_addon.arguments")
 scene = load("bsface_addon.scene")
 surface_object = load("bsface_addon.surface_object")
-read_npz = load("core.output.formats.npz").read_npz
+read_npz = load("core.formats.face_file").read_npz
 SCRIPT = Path(headless.__file__)
 
 
@@ -121,7 +121,7 @@ def test_as_a_script_on_real_photos(tmp_path):
     photos.mkdir()
     for path in sorted((ROOT / "examples" / "photos").glob("*.jpg"))[::8]:
         shutil.copy(path, photos)
-    face_models = load("core.evidence.face_models")
+    face_models = load("core.landmarks.face_models")
     errors = load("core.errors")
     try:
         face_models.find_models()

@@ -12,9 +12,9 @@ photo_list = load("bsface_addon.photo_list")
 landmark_editor = load("bsface_addon.landmark_editor")
 pipeline = load("bsface_addon.pipeline")
 landmark_operators = load("bsface_addon.operators.landmarks")
-core_landmarks = load("core.evidence.landmarks")
+core_landmarks = load("core.landmarks.landmarks")
 PhotoFailure = load("core.errors").PhotoFailure
-Gathered = load("core.evidence.gather").Gathered
+Gathered = load("core.prepare").Gathered
 
 
 def some(name, scheme="68", count=68):
@@ -190,7 +190,7 @@ def test_known_landmarks_go_into_the_next_run(rows, solved):
 def test_another_face_of_the_photo_can_be_chosen(rows, monkeypatch):
     import dataclasses
 
-    faces_in = load("core.evidence.faces_in")
+    faces_in = load("core.landmarks.all_faces")
     left = some("1.png", "468", 468)
     right = dataclasses.replace(left, points=left.points + (200, 0))
     monkeypatch.setattr(faces_in, "faces_in", lambda *_: (left, right))

@@ -15,7 +15,7 @@ face_file = load("bsface_addon.face_file")
 material = load("bsface_addon.material")
 photo_list = load("bsface_addon.photo_list")
 surface_object = load("bsface_addon.surface_object")
-face_models = load("core.evidence.face_models")
+face_models = load("core.landmarks.face_models")
 errors = load("core.errors")
 
 

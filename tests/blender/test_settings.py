@@ -57,7 +57,7 @@ def test_folder_of_model_files_reaches_the_core(tmp_path, monkeypatch):
     from types import SimpleNamespace
 
     preferences = load("bsface_addon.preferences")
-    face_models = load("core.evidence.face_models")
+    face_models = load("core.landmarks.face_models")
     monkeypatch.setenv(preferences.VARIABLE, "")
     preferences.tell_core(SimpleNamespace(models=str(tmp_path)))
     assert tmp_path in face_models.model_folders()

@@ -12,7 +12,7 @@ lights = load("bsface_addon.lights")
 material = load("bsface_addon.material")
 face_file = load("bsface_addon.face_file")
 surface_object = load("bsface_addon.surface_object")
-formats = load("core.output.formats")
+formats = load("core.formats")
 
 
 @pytest.fixture

@@ -163,7 +163,7 @@ def mixed(addon, tmp_path):
         faces.reconstruction(tmp_path / "photos"), expressions=mixtures
     )
     face = scene.place(bpy.context, result, "Ann")
-    know = load("core.solve.track").know
+    know = load("core.solve.known_face").know
     known = know(result.surface, template.resampled(result.surface.shape))
     return face, [known.with_expression(e) for e in mixtures]
 

@@ -11,30 +11,42 @@ ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "bsface_addon"
 
-# A module may import from its own floor and from those below. The ground under
-# the floors holds what everybody speaks: errors, settings, progress.
+# A module may import from its own room and from those below. Everything may import
+# the modules of the ground: what all rooms speak.
 GROUND = {
+    "_types",
+    "_start",
     "errors",
-    "settings",
+    "files",
+    "npz_arrays",
     "progress",
     "clock",
+    "settings",
     "threads",
-    "npz_arrays",
-    "_start",
 }
-FLOORS = [
+ROOMS = [
     "surface",
-    "evidence",
+    "camera",
+    "images",
+    "landmarks",
+    "photometry",
+    "identity",
+    "prepare",
     "solve",
     "result",
     "photo_reports",
-    "output",
+    "drawing",
+    "compare",
+    "texture",
+    "formats",
+    "report",
     "reconstruct",
     "track",
+    "batch",
     "cli",
 ]
-# May import everything: the doors by which a user comes in.
-FRONT_DOORS = {"__init__", "__main__", "output.batch"}
+# May import everything: what a user starts with.
+ENTRANCES = {"__init__", "__main__"}
 
 
 def modules() -> dict[str, Path]:
@@ -71,23 +83,23 @@ def absolute_imports(path: Path):
             yield node.module.split(".")[0]
 
 
-def floor(name: str) -> int:
+def room(name: str) -> int:
     """0 for the ground, 1 for surface, ..."""
     first = name.split(".")[0]
     if first in GROUND:
         return 0
-    assert first in FLOORS, f"core/{first} has no floor: name it in this test"
-    return 1 + FLOORS.index(first)
+    assert first in ROOMS, f"core/{first} has no room: name it in this test"
+    return 1 + ROOMS.index(first)
 
 
-@pytest.mark.parametrize("name", [n for n in modules() if n not in FRONT_DOORS])
+@pytest.mark.parametrize("name", [n for n in modules() if n not in ENTRANCES])
 def test_imports_point_down(name):
     above = [
         other
         for other in imported(name, modules()[name])
-        if other in FRONT_DOORS or floor(other) > floor(name)
+        if other in ENTRANCES or room(other) > room(name)
     ]
-    assert not above, f"core/{name} imports {above} from a floor above its own"
+    assert not above, f"core/{name} imports {above} from a room above its own"
 
 
 @pytest.mark.parametrize("path", modules().values(), ids=modules().keys())

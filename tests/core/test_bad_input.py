@@ -13,7 +13,7 @@ import bad_photos
 import numpy as np
 import pytest
 from bsface import ReconstructionError, Settings, reconstruct
-from bsface.evidence.face_models import find_models
+from bsface.landmarks.face_models import find_models
 from permissions import as_ordinary_user
 
 JOBS = bad_input.job_rows()

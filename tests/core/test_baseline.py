@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from bsface.errors import ReconstructionError
-from bsface.solve.baseline import (
+from _baseline import (
     baseline,
     boundary,
     depth_triangles,
     frontal_grid,
     integrate,
 )
+from bsface.errors import ReconstructionError
 from bsface.surface.bspline import BSplineSurface
 
 

@@ -11,8 +11,16 @@ import sys
 import time
 
 import pytest
+from bsface.batch import (
+    memory as batch_memory,
+)
+from bsface.batch import (
+    record as batch_record,
+)
+from bsface.batch import (
+    run as batch,
+)
 from bsface.errors import ReconstructionError
-from bsface.output import batch, batch_memory, batch_record
 from bsface.settings import Settings
 from fake_face import person_folder
 
@@ -79,7 +87,7 @@ def test_good_people_are_done_and_bad_folders_say_why(whole):
 def test_killed_and_restarted_batch_ends_with_the_same_bytes(people, whole, tmp_path):
     out = tmp_path / "out"
     script = (
-        "from bsface.output import batch\n"
+        "from bsface.batch import run as batch\n"
         "from bsface.settings import Settings\n"
         "if __name__ == '__main__':\n"
         f"    batch.run_batch({str(people)!r}, {str(out)!r},\n"

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from bsface.evidence.camera import Camera
-from bsface.evidence.landmarks import Landmarks
-from bsface.output.pictures import colour_map, write_png
+from bsface.camera.camera import Camera
+from bsface.drawing.pictures import colour_map, write_png
+from bsface.landmarks.landmarks import Landmarks
 from bsface.settings import Settings
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template

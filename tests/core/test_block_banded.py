@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bsface.solve.block_banded import block_cholesky
+from bsface.solve.joint.block_banded import block_cholesky
 from bsface.surface.bending import bending_matrix, mass_matrix
 from bsface.surface.bspline import basis_matrix
 from scipy import sparse

@@ -5,10 +5,10 @@ from dataclasses import replace
 import hypothesis
 import numpy as np
 import pytest
-from bsface.evidence.camera import Camera
-from bsface.evidence.pose_linear import linear_pose
-from bsface.solve.bundle import BundleOptions, Observations, adjust
-from bsface.solve.frame import fit_similarity
+from bsface.camera.camera import Camera
+from bsface.camera.linear_pose import linear_pose
+from bsface.solve.alignment import fit_similarity
+from bsface.solve.motion import BundleOptions, Observations, adjust
 from bsface.surface.bspline import basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template

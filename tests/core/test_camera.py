@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import reference
-from bsface.evidence.camera import PARAMETERS, Camera
+from bsface.camera.camera import PARAMETERS, Camera
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation

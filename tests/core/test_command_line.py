@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from bsface import Settings, __main__
 from bsface.errors import Cancelled, ReconstructionError
-from bsface.output import report
-from bsface.output.formats.npz import read_npz
+from bsface.formats.face_file import read_npz
+from bsface.report import report
 from fake_face import person_folder
 
 QUICK = [

@@ -6,8 +6,8 @@ import os
 import numpy as np
 import pytest
 from bsface import __main__
-from bsface.output import batch
-from bsface.output.formats.npz import write_npz
+from bsface.batch import run as batch
+from bsface.formats.face_file import write_npz
 from fake_face import painted_reconstruction, person_folder
 
 QUICK = [

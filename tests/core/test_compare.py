@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bsface.output.compare import compare, comparison_picture
-from bsface.output.render import yaw_rotation
-from bsface.solve.frame import eye_distance
+from bsface.compare import compare, comparison_picture
+from bsface.drawing.render import yaw_rotation
+from bsface.solve.alignment import eye_distance
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bsface.evidence.coverage import shortcomings
+from bsface.camera.coverage import shortcomings
 
 VARIED = np.array([1.0, 0.25, 0.15, 0.1])
 ALL_SIDES = np.array([[y, 0, 0] for y in (-30, -20, 0, 0, 20, 30)], float)

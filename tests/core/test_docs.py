@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 from bsface import __main__ as command_line
-from bsface.cli import export_face, info
+from bsface.cli import batch, export_face, info
 from bsface.errors import FAILURE_CODES
-from bsface.output import batch
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

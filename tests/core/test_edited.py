@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bsface.solve.edited import edited_template, expression_of, hold
+from bsface.solve.constraint import edited_template, expression_of, hold
 from bsface.surface.template import load_template
 from scipy.spatial.transform import Rotation
 

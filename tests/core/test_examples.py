@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bsface import Settings
 from bsface.errors import ReconstructionError
-from bsface.evidence.face_models import find_models
+from bsface.landmarks.face_models import find_models
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9][0-9]_*.py"))

@@ -7,10 +7,11 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import Cancelled, ReconstructionError
-from bsface.evidence import crops, face_models, facemesh
-from bsface.evidence.face_models import ModelFiles, find_models, user_cache
-from bsface.evidence.facemesh import FaceMesh
-from bsface.evidence.photos import list_photos, read_photo
+from bsface.images.photo import list_photos, read_photo
+from bsface.landmarks import crops, face_models
+from bsface.landmarks import face_mesh as facemesh
+from bsface.landmarks.face_mesh import FaceMesh
+from bsface.landmarks.face_models import ModelFiles, find_models, user_cache
 from bsface.surface.template import load_template
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import PhotoFailure, ReconstructionError
-from bsface.evidence.face_models import find_models
-from bsface.evidence.faces_in import faces_in
+from bsface.landmarks.all_faces import faces_in
+from bsface.landmarks.face_models import find_models
 
 PHOTOS = Path(__file__).resolve().parents[2] / "examples" / "photos"
 

@@ -11,11 +11,12 @@ import threading
 from pathlib import Path
 
 import pytest
+from bsface import files
 from bsface.cli.stopping import stoppable
 from bsface.errors import Cancelled, ReconstructionError, out_of_memory
-from bsface.output import files, report
-from bsface.output.files import replacing, write_bytes
-from bsface.output.texture import bake_texture
+from bsface.files import replacing, write_bytes
+from bsface.report import report
+from bsface.texture.bake import bake_texture
 from fake_face import painted_reconstruction, person_folder
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from bsface.output.formats import obj, rhino, step
-from bsface.output.formats.exchange import exchange_surface, outline_curves
-from bsface.output.formats.iges import write_iges
-from bsface.output.formats.mesh import signed_distance
+from bsface.formats import obj, rhino, step
+from bsface.formats.exchange import exchange_surface, outline_curves
+from bsface.formats.iges import write_iges
+from bsface.formats.mesh import signed_distance
 from fake_face import ellipse_outline, face_surface
 from scipy.interpolate import BSpline
 

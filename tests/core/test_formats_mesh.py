@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from bsface import formats
 from bsface.errors import ReconstructionError
-from bsface.output import formats
-from bsface.output.formats import mesh
+from bsface.formats import mesh
 from fake_face import bare_reconstruction, ellipse_outline, face_surface
 
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from bsface.camera.camera import Camera
 from bsface.errors import ReconstructionError
-from bsface.evidence.camera import Camera
-from bsface.output.formats import read_npz, write_npz
-from bsface.output.formats.npz import contents, npz_bytes, to_json
+from bsface.formats import read_npz, write_npz
+from bsface.formats.face_file import contents, npz_bytes, to_json
 from fake_face import FakeReconstruction, bare_reconstruction
 
 

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from bsface.evidence import face_models
+from bsface.landmarks import face_models
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import Cancelled, PhotoFailure, ReconstructionError
-from bsface.evidence.face_models import find_models
-from bsface.evidence.gather import gather
-from bsface.evidence.landmarks import Landmarks, write_landmarks
-from bsface.evidence.photos import list_photos, read_photo
+from bsface.images.photo import list_photos, read_photo
+from bsface.landmarks.face_models import find_models
+from bsface.landmarks.landmarks import Landmarks, write_landmarks
+from bsface.prepare import gather
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 
@@ -291,7 +291,7 @@ def test_one_picture_in_place_of_several(shape):
 
 def test_missing_models_end_the_job_with_the_remedy(tmp_path, monkeypatch, picture):
     monkeypatch.setattr(
-        "bsface.evidence.face_models.model_folders", lambda folder=None: (tmp_path,)
+        "bsface.landmarks.face_models.model_folders", lambda folder=None: (tmp_path,)
     )
     with pytest.raises(ReconstructionError, match="setup"):
         gather([picture])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import reference
-from bsface.evidence import harmonics
+from bsface.photometry import harmonics
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation

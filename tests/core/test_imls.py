@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bsface.camera.camera import Camera
 from bsface.errors import PhotoFailure, ReconstructionError
-from bsface.evidence.camera import Camera
-from bsface.solve.imls import Limits, NormalField, imls, paper_steps
-from bsface.solve.motion_paper import LandmarkObservations
-from bsface.solve.shading import ShadingParameters
+from bsface.solve.paper.algorithm1 import Limits, NormalField, imls, paper_steps
+from bsface.solve.paper.motion import LandmarkObservations
+from bsface.solve.paper.shading import ShadingParameters
 from bsface.surface.bspline import BSplineSurface
 from scipy.spatial.transform import Rotation
 

@@ -10,12 +10,14 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import pytest
 import reference
-from bsface.evidence import harmonics
-from bsface.evidence.camera import PARAMETERS, Camera
-from bsface.solve import joint, joint_system, samples
-from bsface.solve.bundle import Bundle, Observations
-from bsface.solve.joint import JointOptions, Level, refine
-from bsface.solve.samples import sample_grid
+from bsface.camera.camera import PARAMETERS, Camera
+from bsface.photometry import harmonics
+from bsface.solve.joint import refine as joint
+from bsface.solve.joint import samples
+from bsface.solve.joint import system as joint_system
+from bsface.solve.joint.refine import JointOptions, Level, refine
+from bsface.solve.joint.samples import sample_grid
+from bsface.solve.motion import Bundle, Observations
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template

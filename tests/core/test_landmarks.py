@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from bsface.evidence.landmarks import (
+from bsface.landmarks.landmarks import (
     SCHEME_SIZES,
     LandmarkFileError,
     Landmarks,
@@ -13,7 +13,7 @@ from bsface.evidence.landmarks import (
     read_landmarks,
     write_landmarks,
 )
-from bsface.evidence.plausible import fit_face, judge_fit
+from bsface.landmarks.plausibility import fit_face, judge_fit
 from bsface.surface.template import load_template
 from hypothesis import given, settings
 from hypothesis import strategies as st

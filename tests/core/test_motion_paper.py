@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from bsface.camera.camera import Camera
 from bsface.errors import PhotoFailure
-from bsface.evidence.camera import Camera
-from bsface.solve.motion_paper import (
+from bsface.solve.paper.motion import (
     RIDGE,
     LandmarkObservations,
     estimate_poses,

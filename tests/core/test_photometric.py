@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bsface.evidence import harmonics
-from bsface.evidence.photometric import (
+from bsface.photometry import harmonics
+from bsface.photometry.lighting import (
     estimate_lighting,
     light_diversity,
     robust_normals,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bsface.errors import ReconstructionError
-from bsface.evidence.photometric_svd import (
+from bsface.solve.paper.photometric import (
     G,
     choose_photos,
     constrained_shape,

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bsface.evidence.camera import Camera
-from bsface.evidence.pose_linear import linear_pose, reprojection_error
+from bsface.camera.camera import Camera
+from bsface.camera.linear_pose import linear_pose, reprojection_error
 from scipy.spatial.transform import Rotation
 
 

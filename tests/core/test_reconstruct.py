@@ -13,16 +13,22 @@ import cv2
 import hypothesis
 import numpy as np
 import pytest
-from bsface import BSplineSurface, Cancelled, ReconstructionError, Settings, reconstruct
+from bsface import (
+    BSplineSurface,
+    Cancelled,
+    ReconstructionError,
+    Settings,
+    reconstruct,
+)
+from bsface.camera.camera import Camera
+from bsface.drawing import render
+from bsface.drawing.rasterize import rasterize
 from bsface.errors import FAILURE_CODES
-from bsface.evidence import harmonics
-from bsface.evidence.camera import Camera
-from bsface.evidence.face_models import find_models
-from bsface.evidence.landmarks import Landmarks
-from bsface.output import render
-from bsface.output.rasterize import rasterize
+from bsface.landmarks.face_models import find_models
+from bsface.landmarks.landmarks import Landmarks
+from bsface.photometry import harmonics
 from bsface.progress import STAGES
-from bsface.solve.frame import eye_centres, fit_similarity
+from bsface.solve.alignment import eye_centres, fit_similarity
 from bsface.surface.template import load_template
 from fake_face import skin_pattern
 from hypothesis import strategies as st

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from bsface.output import pictures, render
-from bsface.output.rasterize import rasterize
+from bsface.drawing import pictures, render
+from bsface.drawing.rasterize import rasterize
 from fake_face import face_surface, face_template
 
 

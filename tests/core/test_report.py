@@ -7,8 +7,9 @@ import json
 import cv2
 import numpy as np
 import pytest
+from bsface.drawing import maps, plots
 from bsface.errors import ReconstructionError
-from bsface.output import maps, plots, report
+from bsface.report import report
 from fake_face import (
     PhotoReport,
     bare_reconstruction,

@@ -8,7 +8,7 @@ import fake_face
 import numpy as np
 import pytest
 from bsface.errors import ReconstructionError
-from bsface.evidence.appearance import (
+from bsface.identity.descriptor import (
     Appearance,
     General,
     general_of,
@@ -18,10 +18,10 @@ from bsface.evidence.appearance import (
     pattern_variance,
     stored_general,
 )
-from bsface.evidence.face_models import find_models
-from bsface.evidence.gather import gather
-from bsface.evidence.landmarks import read_landmarks
-from bsface.evidence.same_person import FEWEST, tell_apart
+from bsface.identity.same_person import FEWEST, tell_apart
+from bsface.landmarks.face_models import find_models
+from bsface.landmarks.landmarks import read_landmarks
+from bsface.prepare import gather
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bsface.evidence.camera import Camera
-from bsface.evidence.photos import Photo
-from bsface.evidence.sampling import (
+from bsface.camera.camera import Camera
+from bsface.images.photo import Photo
+from bsface.photometry.sampling import (
     DEPTH_MARGIN,
     IntensityField,
     hidden_in,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bsface.solve.shading import (
+from bsface.solve.paper.shading import (
     NormalRows,
     ShadingParameters,
     cross_matrix,

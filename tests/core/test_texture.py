@@ -1,17 +1,19 @@
 """Textures of drawn photos whose skin and light are known."""
 
+import _texture_check as texture_check
 import cv2
 import numpy as np
 import pytest
 from bsface.errors import ReconstructionError
-from bsface.evidence import harmonics
-from bsface.evidence.photos import Photo
-from bsface.output import texture, texture_check, texture_views
-from bsface.output.colour import decode_srgb, encode_srgb, to_picture
-from bsface.output.formats.mesh import signed_distance
-from bsface.output.texture_light import PhotoLights, estimate_lights, light_maps
+from bsface.formats.mesh import signed_distance
+from bsface.images.colour import decode_srgb, encode_srgb, to_picture
+from bsface.images.photo import Photo
+from bsface.photometry import harmonics
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
+from bsface.texture import bake as texture
+from bsface.texture import views as texture_views
+from bsface.texture.light import PhotoLights, estimate_lights, light_maps
 from fake_face import (
     bare_reconstruction,
     ellipse_outline,

@@ -4,15 +4,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsface import BSplineSurface, Cancelled, ReconstructionError, Settings, reconstruct
+from bsface import (
+    BSplineSurface,
+    Cancelled,
+    ReconstructionError,
+    Settings,
+    reconstruct,
+)
+from bsface.camera.camera import Camera
 from bsface.errors import PhotoFailure
-from bsface.evidence.camera import Camera
-from bsface.evidence.face_models import find_models
-from bsface.evidence.landmarks import Landmarks
-from bsface.output.formats.npz import read_npz, write_npz
-from bsface.solve.bundle import BundleOptions, Observations
-from bsface.solve.track import KnownFace, Pose, find_again, know
-from bsface.solve.track_shading import find_by_shading, skin
+from bsface.formats.face_file import read_npz, write_npz
+from bsface.landmarks.face_models import find_models
+from bsface.landmarks.landmarks import Landmarks
+from bsface.solve.known_face import KnownFace, Pose, find_again, know
+from bsface.solve.known_face_shading import find_by_shading, skin
+from bsface.solve.motion import BundleOptions, Observations
 from bsface.surface.template import load_template
 from bsface.track import track
 from fake_face import painted_reconstruction, person_folder, skin_pattern

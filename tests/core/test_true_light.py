@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsface.evidence.gather import gather
+from bsface.prepare import gather
 from bsface.reconstruct import observations, solve
 from bsface.settings import Settings
-from bsface.solve import joint
+from bsface.solve.joint import refine as joint
 from bsface.surface.template import load_template
 
 ROOT = Path(__file__).resolve().parents[2]

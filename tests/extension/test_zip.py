@@ -91,7 +91,7 @@ try:
     found["wheels"] = [cv2.__file__, scipy.__file__]
     found["models"] = str(
         extension.bsface_addon and
-        __import__("bl_ext.user_default.bsface.core.evidence.face_models",
+        __import__("bl_ext.user_default.bsface.core.landmarks.face_models",
                    fromlist=["find_models"]).find_models().mesh
     )
     found["returned"] = sorted(bpy.ops.bsface.reconstruct(

@@ -17,20 +17,20 @@ from unittest import mock
 
 import cv2
 import numpy as np
+from bsface.batch.record import RECORD, Outcome, recall, summary_csv
 from bsface.cli import info
 from bsface.cli.arguments import parse_settings
 from bsface.errors import PhotoFailure, ReconstructionError
-from bsface.evidence import image_file
-from bsface.evidence.image_header import read_header
-from bsface.evidence.landmarks import (
+from bsface.formats.face_file import contents, npz_bytes, read_npz, to_json
+from bsface.images import decode as image_file
+from bsface.images.header import read_header
+from bsface.images.photo import read_photo
+from bsface.landmarks.landmarks import (
     LandmarkFileError,
     Landmarks,
     read_landmarks,
     write_landmarks,
 )
-from bsface.evidence.photos import read_photo
-from bsface.output.batch_record import RECORD, Outcome, recall, summary_csv
-from bsface.output.formats.npz import contents, npz_bytes, read_npz, to_json
 from bsface.settings import Settings
 from bsface.surface.template import BUNDLED, load_template
 from fake_face import bare_reconstruction, painted_reconstruction

@@ -1,0 +1,1 @@
+"""Many people: one reconstruction per folder."""

@@ -1,0 +1,178 @@
+"""What a batch remembers of each person, so that it can be stopped and started again.
+
+``OUT/<person>/done.json`` is written last. It holds the fingerprint of everything that
+the result depends on (photos, landmark files, settings, wanted files, program version)
+and the hash of every file written: a person is skipped when both still fit.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..errors import ReconstructionError
+from ..files import write_text
+from ..images.photo import list_photos
+from ..landmarks.landmarks import landmark_file_beside
+from ..report.report import versions
+
+RECORD = "done.json"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one person.
+
+    Attributes
+    ----------
+    person : str
+        Name of the folder.
+    status : str
+        "done", "skipped" (finished before, nothing changed) or "failed".
+    reason : str
+        Sentence when failed.
+    used, photos : int
+        Photos used and in the folder.
+    warnings : tuple of str
+    files : tuple of str
+        Names in the person's output folder.
+    seconds : float
+        Of this run; 0 when skipped.
+    """
+
+    person: str
+    status: str
+    reason: str = ""
+    used: int = 0
+    photos: int = 0
+    warnings: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    seconds: float = field(default=0.0, compare=False)
+
+
+def fingerprint(folder: Path, settings: dict[str, Any], wanted: Sequence[str]) -> str:
+    """Hash of everything that a person's files depend on.
+
+    Raises
+    ------
+    ReconstructionError
+        When the folder holds no photos or cannot be read.
+    """
+    total = hashlib.sha256()
+    # Another version may give another face.
+    total.update(json.dumps([settings, list(wanted), versions()]).encode())
+    for photo in list_photos(folder):
+        for path in (photo, landmark_file_beside(photo)):
+            if path is not None:
+                total.update(f"{path.name}\0{hash_of(path)}".encode())
+    return total.hexdigest()
+
+
+def hash_of(path: Path) -> str:
+    """SHA-256 of a file; of its name alone when it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return hashlib.sha256(os.fsencode(path.name)).hexdigest()
+
+
+def write_record(folder: Path, mark: str, outcome: Outcome) -> None:
+    """Remember a finished person."""
+    content = {
+        "fingerprint": mark,
+        "used": outcome.used,
+        "photos": outcome.photos,
+        "warnings": list(outcome.warnings),
+        "files": {name: hash_of(folder / name) for name in outcome.files},
+    }
+    write_text(folder / RECORD, json.dumps(content, indent=1) + "\n")
+
+
+def recall(folder: Path, mark: str) -> Outcome | None:
+    """The outcome of an earlier run if all of it still holds, else None."""
+    try:
+        content = json.loads((folder / RECORD).read_text("utf-8"))
+        files = dict(content["files"])
+        if content["fingerprint"] != mark:
+            return None
+        if any(hash_of(folder / name) != digest for name, digest in files.items()):
+            return None
+        return Outcome(
+            person=folder.name,
+            status="skipped",
+            used=int(content["used"]),
+            photos=int(content["photos"]),
+            warnings=tuple(str(sentence) for sentence in content["warnings"]),
+            files=tuple(files),
+        )
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError):
+        return None
+    except RecursionError:  # brackets within brackets
+        return None
+
+
+def sweep(folder: Path) -> None:
+    """Remove half-written files of a run that was killed."""
+    if folder.is_dir():
+        for path in folder.iterdir():
+            if path.name.startswith(".") and "-" in path.name and path.is_file():
+                path.unlink(missing_ok=True)
+
+
+def people_in(folder: str | os.PathLike) -> tuple[Path, ...]:
+    """The sub-folders of a folder, one a person, in the order of their names.
+
+    Raises
+    ------
+    ReconstructionError
+        When there is no such folder or it has no sub-folder.
+    """
+    folder = Path(folder)
+    try:
+        found = sorted(
+            p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")
+        )
+    except OSError as error:
+        raise ReconstructionError(
+            f"{folder}: cannot open this folder ({error.strerror}); give the folder "
+            "that holds one sub-folder of photos a person."
+        ) from None
+    if not found:
+        raise ReconstructionError(
+            f"{folder} has no sub-folders; put the photos of each person into one."
+        )
+    return tuple(found)
+
+
+def summary_csv(outcomes: Sequence[Outcome]) -> str:
+    """The table of a batch; the same text whether it was interrupted or not."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["person", "status", "used", "photos", "remark"])
+    for outcome in outcomes:
+        status = "failed" if outcome.status == "failed" else "done"
+        remark = outcome.reason or " ".join(outcome.warnings)
+        table.writerow([outcome.person, status, outcome.used, outcome.photos, remark])
+    return text.getvalue()
+
+
+def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
+    """The same for a terminal, with times."""
+    width = max([len(o.person) for o in outcomes], default=6)
+    lines = [f"{'person':<{width}}  {'status':<7}  {'photos':>9}  {'time':>7}  remark"]
+    for o in outcomes:
+        time = f"{o.seconds:.0f} s" if o.seconds else ""
+        remark = o.reason or " ".join(o.warnings)
+        photos = f"{o.used} of {o.photos}"
+        lines.append(
+            f"{o.person:<{width}}  {o.status:<7}  {photos:>9}  {time:>7}  {remark}"
+        )
+    return lines

@@ -1,0 +1,1 @@
+"""Pictures of faces and of numbers: renderer, colour maps, plots."""

@@ -1,1 +1,0 @@
-"""First floor: what the photos say."""

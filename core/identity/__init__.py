@@ -1,0 +1,1 @@
+"""Identity: do all photos show one person?"""

@@ -1,0 +1,141 @@
+"""A picture file to pixels, with everything that can be wrong about it.
+
+The order keeps harmless what is hostile: the kind of file, its size, what its
+header claims, and only then the pixels.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..errors import PhotoFailure, out_of_memory
+from .header import READABLE, ImageHeader
+
+MAX_PIXELS = 200_000_000
+MAX_DECODED_BYTES = 600_000_000
+MAX_FILE_BYTES = 600_000_000
+MIN_SIDE = 32
+
+_SILENT = 0  # OpenCV's LOG_LEVEL_SILENT, which its Python module does not name
+
+_REDUCED = {
+    1: cv2.IMREAD_COLOR,
+    2: cv2.IMREAD_REDUCED_COLOR_2,
+    4: cv2.IMREAD_REDUCED_COLOR_4,
+    8: cv2.IMREAD_REDUCED_COLOR_8,
+}
+
+
+def why_not(error: OSError) -> str:
+    """The system's reason, as the middle of a sentence."""
+    text = error.strerror or str(error)
+    return text[:1].lower() + text[1:]
+
+
+def file_bytes(path: Path, name: str) -> np.ndarray | PhotoFailure:
+    """(n,) uint8 content of a regular file of a sensible size."""
+    try:
+        info = path.stat()
+        if not stat.S_ISREG(info.st_mode):
+            # A named pipe would block for ever when opened.
+            return PhotoFailure(
+                name, "unreadable", f"{name} is not a regular file; remove it."
+            )
+        if info.st_size == 0:
+            return PhotoFailure(
+                name,
+                "unreadable",
+                f"{name} is empty (zero bytes); copy it again.",
+            )
+        if info.st_size > MAX_FILE_BYTES:
+            return PhotoFailure(
+                name,
+                "too_large",
+                f"{name} has {info.st_size / 1e6:.0f} MB, more than "
+                f"{MAX_FILE_BYTES / 1e6:.0f}; save it smaller.",
+            )
+        return np.fromfile(path, np.uint8)
+    except (OSError, ValueError) as error:
+        why = why_not(error) if isinstance(error, OSError) else str(error)
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} cannot be opened ({why}); check the file and its permissions.",
+        )
+
+
+def judge_header(header: ImageHeader | None, name: str) -> PhotoFailure | None:
+    """Why a picture with this header is not decoded, or None."""
+    if header is None:
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} is not a picture, whatever its name says; remove it.",
+        )
+    if header.format not in READABLE:
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} is a {header.format} picture, which cannot be read here; "
+            "export it as JPEG or PNG.",
+        )
+    if min(header.width, header.height) < MIN_SIDE:
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} has only {header.width} x {header.height} pixels, too few "
+            "for a face; use the original picture.",
+        )
+    decoded = header.pixels * max(header.bytes_per_pixel, 3)
+    if header.pixels > MAX_PIXELS or decoded > MAX_DECODED_BYTES:
+        return PhotoFailure(
+            name,
+            "too_large",
+            f"{name} has {header.width} x {header.height} pixels, more than can "
+            f"be read ({MAX_PIXELS // 10**6} megapixels of 8 bits); save it smaller.",
+        )
+    return None
+
+
+def decode(data: np.ndarray, reduction: int) -> np.ndarray | None:
+    """(h, w, 3) RGB, EXIF-turned, at 1 / `reduction` of its size; None if damaged.
+
+    Parameters
+    ----------
+    data : (n,) uint8 array
+    reduction : 1, 2, 4 or 8
+
+    Raises
+    ------
+    MemoryError
+        There is not enough memory for the pixels.
+    """
+    # COLOR applies the EXIF turn and gives three channels; ANYDEPTH keeps 16 bits.
+    flags = _REDUCED[reduction] | cv2.IMREAD_ANYDEPTH
+    try:
+        with _quiet():
+            pixels = cv2.imdecode(data, flags)
+    except cv2.error as error:
+        if out_of_memory(error):
+            raise MemoryError from None
+        return None
+    if pixels is None or pixels.ndim != 3 or pixels.size == 0:
+        return None
+    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """OpenCV warns on stderr about each damaged file; we say it in the report."""
+    level = cv2.getLogLevel()
+    cv2.setLogLevel(_SILENT)
+    try:
+        yield
+    finally:
+        cv2.setLogLevel(level)

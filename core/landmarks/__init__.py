@@ -1,0 +1,1 @@
+"""Landmarks: finding faces, 468 points on each, files, plausibility, selection."""

@@ -1,0 +1,189 @@
+"""Photos resampled on the surface: the matrix ``M`` (n x p) and what each photo sees.
+
+Section 2.2.1 clips the photos to a frontal view; here they are read at the projections
+of surface points ``F(u_j, v_j)``, with the surface's own self-occlusion, and with the
+derivative of the intensity, which is what the joint refinement lives on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera.camera import Camera
+from ..images.photo import Photo
+from ..surface.bspline import BSplineSurface
+
+Array = NDArray[np.float64]
+
+#: A point is hidden when another part of the surface is this much nearer, mm.
+DEPTH_MARGIN = 4.0
+CELL = 1.5  # side of a depth cell, mm
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+@dataclass(frozen=True)
+class IntensityField:
+    """A smoothed photo that can be read anywhere.
+
+    Attributes
+    ----------
+    maps : (h, w, c) float32 array
+        Linear intensity of the channels.
+    slopes : (h, w, 2 c) float32 array
+        Their derivatives along x, then y, per pixel of `maps`.
+    window : (x0, y0, scale)
+        As in `Photo.window`.
+    """
+
+    maps: NDArray[np.float32]
+    slopes: NDArray[np.float32]
+    window: tuple[float, float, float]
+
+    def read(self, xy: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Intensity, gradient and whether the photo covers the place.
+
+        Parameters
+        ----------
+        xy : (p, 2) array
+            Pixels of the original photo.
+
+        Returns
+        -------
+        value : (p, c) array
+        gradient : (p, c, 2) array
+            Per pixel of the original.
+        inside : (p,) bool array
+        """
+        x0, y0, scale = self.window
+        at = ((xy - (x0, y0) + 0.5) * scale - 0.5).astype(np.float32)
+        h, w, c = self.maps.shape
+        inside = ((at > 0.5) & (at < (w - 1.5, h - 1.5))).all(1)
+        value = _bilinear(self.maps, at).reshape(-1, c)
+        slope = _bilinear(self.slopes, at).reshape(-1, 2, c)
+        return (
+            value.astype(float),
+            scale * slope.transpose(0, 2, 1).astype(float),
+            inside,
+        )
+
+
+def _bilinear(image: NDArray[np.float32], at: NDArray[np.float32]) -> Array:
+    # remap takes at most 4 channels and 32766 columns at a time
+    rows = -(-len(at) // 1024)
+    x, y = np.zeros((2, rows * 1024), np.float32)
+    x[: len(at)], y[: len(at)] = at.T
+    parts = [
+        cv2.remap(
+            np.ascontiguousarray(image[..., k : k + 4]),
+            x.reshape(rows, 1024),
+            y.reshape(rows, 1024),
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        ).reshape(rows * 1024, -1)
+        for k in range(0, image.shape[2], 4)
+    ]
+    return np.concatenate(parts, 1).astype(np.float64)[: len(at)]
+
+
+def smooth_photo(
+    photo: Photo, camera: Camera, blur_mm: float, colour: bool = False
+) -> IntensityField:
+    """Photo smoothed by a Gaussian of ``blur_mm`` at the head, as linear intensity.
+
+    Parameters
+    ----------
+    photo : Photo
+    camera : Camera
+        Its `s` says how many pixels a millimetre has.
+    blur_mm : float
+        Standard deviation of the Gaussian.
+    colour : bool
+        Three channels instead of the luminance.
+    """
+    image = photo.linear()
+    if not colour:
+        image = (image @ LUMINANCE)[..., None]
+    x0, y0, scale = photo.window
+    sigma = blur_mm * camera.s * scale
+    shrink = int(min(sigma / 1.5, min(image.shape[:2]) / 2))
+    if shrink > 1:
+        # With dsize empty both axes shrink by exactly this factor; a size would be
+        # rounded and shift the picture by up to half a pixel of the small one.
+        small = cv2.resize(
+            image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA
+        )
+        image = small.reshape(*small.shape[:2], -1)
+        scale, sigma = scale / shrink, sigma / shrink
+    if sigma > 0.3:
+        image = cv2.GaussianBlur(image, (0, 0), sigma).reshape(image.shape)
+    gy, gx = np.gradient(image, axis=(0, 1))
+    slopes = np.concatenate([gx, gy], 2).astype(np.float32)
+    return IntensityField(image.astype(np.float32), slopes, (x0, y0, scale))
+
+
+def occlusion(
+    surface: BSplineSurface, camera: Camera, points: Array, grid: int = 161
+) -> NDArray[np.bool_]:
+    """Which of ``points`` (p, 3) the surface itself hides from the camera, ``(p,)``.
+
+    A depth map is filled by the points of a dense grid on the surface; a point is
+    hidden if its cell holds something nearer by more than `DEPTH_MARGIN`.
+    """
+    cover = surface.grid(grid, grid).reshape(-1, 3)
+    return hidden_in(cover, camera, points)
+
+
+def hidden_in(
+    cover: Array, camera: Camera, points: Array, cell_mm: float = CELL
+) -> NDArray[np.bool_]:
+    """As `occlusion`, for a surface that is given by dense points."""
+    cell = cell_mm * camera.s
+    both = np.concatenate([cover, points])
+    depth = both @ camera.R[2]
+    at = np.ascontiguousarray(camera.project(both).T)
+    column, row = np.floor(at / cell).astype(np.int64)
+    column -= column.min()
+    key = (row - row.min()) * (column.max() + 1) + column
+    nearest = np.full(key.max() + 1, -np.inf)
+    np.maximum.at(nearest, key[: len(cover)], depth[: len(cover)])
+    return nearest[key[len(cover) :]] > depth[len(cover) :] + DEPTH_MARGIN
+
+
+def view_weights(
+    surface: BSplineSurface | Sequence[BSplineSurface],
+    cameras: Sequence[Camera],
+    uv: Array,
+    grazing: float = 0.25,
+) -> Array:
+    """How well each photo sees each point: cosine of the viewing angle, 0 if hidden.
+
+    Parameters
+    ----------
+    surface : BSplineSurface, or a sequence of n
+        One for all photos, or each photo's own.
+    cameras : sequence of n Camera
+    uv : (p, 2) array
+    grazing : float
+        Cosine below which a point counts as not seen.
+
+    Returns
+    -------
+    (n, p) array
+    """
+    out = np.zeros((len(cameras), len(uv)))
+    own = not isinstance(surface, BSplineSurface)
+    points = normals = cover = np.zeros((0, 3))
+    for i, camera in enumerate(cameras):
+        if own or i == 0:
+            face = surface[i] if own else surface
+            points, normals = face.evaluate(*uv.T), face.normals(*uv.T)
+            cover = face.grid(161, 161).reshape(-1, 3)
+        cosine = (camera.toward(points) * normals).sum(1)
+        seen = (cosine > grazing) & ~hidden_in(cover, camera, points)
+        out[i] = np.where(seen, cosine, 0.0)
+    return out

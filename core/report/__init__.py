@@ -1,0 +1,1 @@
+"""The report: a page, its facts and a summary picture."""

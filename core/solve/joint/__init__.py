@@ -1,0 +1,1 @@
+"""The joint method: shading and motion in one Gauss-Newton system."""

@@ -1,0 +1,1 @@
+"""The texture: what the photos say about the colour of the skin."""
