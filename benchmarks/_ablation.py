@@ -22,7 +22,7 @@ from _methods import run
 from _sets import FaceSet, each_set, load_measure, load_set, score
 from _table import averages, text_table, write_csv
 from bsface.photometry.lighting import robust_weights
-from bsface.prepare import Gathered, gather
+from bsface.prepare import PhotoCollection, collect_photos
 from bsface.settings import Settings
 from bsface.surface.template import Template, load_template
 
@@ -208,11 +208,11 @@ def ablate_set(
     logging.getLogger("bsface").setLevel(logging.ERROR)
     measure, one = load_measure(data), load_set(data, name)
     started = time.perf_counter()
-    gathered = gather(one.photos, replace(settings, landmarks="468"))
+    collection = collect_photos(one.photos, replace(settings, landmarks="468"))
     print(f"\n{name}: landmarks {time.perf_counter() - started:.0f} s", flush=True)
     template = load_template()
     first: dict[str, Any] = {"group": "", "variant": "template alone", "set": name}
-    outcome = run("template", gathered, template, settings)
+    outcome = run("template", collection, template, settings)
     if outcome.face is not None:
         first |= numbers(score(measure, outcome.face, one))
     rows = [first]
@@ -225,7 +225,7 @@ def ablate_set(
     ]
     for group, variant in variants:
         row = {"group": group, "variant": variant.name, "set": name}
-        row |= one_variant(variant, one, gathered, template, measure, settings)
+        row |= one_variant(variant, one, collection, template, measure, settings)
         rows.append(row)
         print(
             f"  {name}, {variant.name}: "
@@ -238,7 +238,7 @@ def ablate_set(
 def one_variant(
     variant: Variant,
     one: FaceSet,
-    gathered: Gathered,
+    collection: PhotoCollection,
     template: Template,
     measure: ModuleType,
     settings: Settings,
@@ -248,8 +248,8 @@ def one_variant(
     model = template.resampled(changed.control_points)
     results = []
     started = time.perf_counter()
-    for chosen in draws(len(gathered.photos), variant.photos):
-        some = reduced(gathered, template, variant.landmarks, chosen)
+    for chosen in draws(len(collection.photos), variant.photos):
+        some = reduced(collection, template, variant.landmarks, chosen)
         with ExitStack() as stack:
             for name, value in variant.patches.items():
                 stack.enter_context(mock.patch(name, value))
@@ -282,14 +282,14 @@ def draws(total: int, count: int) -> list[np.ndarray]:
 
 
 def reduced(
-    gathered: Gathered, template: Template, scheme: str, chosen: np.ndarray
-) -> Gathered:
+    collection: PhotoCollection, template: Template, scheme: str, chosen: np.ndarray
+) -> PhotoCollection:
     """Some of the photos, with fewer landmarks."""
-    marks = [gathered.landmarks[i] for i in chosen]
+    marks = [collection.landmarks[i] for i in chosen]
     if scheme != "468":
         marks = [m.subset(scheme, template.schemes[scheme]) for m in marks]
-    photos = tuple(gathered.photos[i] for i in chosen)
-    return replace(gathered, photos=photos, landmarks=tuple(marks))
+    photos = tuple(collection.photos[i] for i in chosen)
+    return replace(collection, photos=photos, landmarks=tuple(marks))
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -18,7 +18,7 @@ from bsface.landmarks.face_mesh import (
     RIGHT_EYE_OUTER,
 )
 from bsface.landmarks.face_models import find_models, load_network
-from bsface.prepare import Gathered
+from bsface.prepare import PhotoCollection
 from bsface.solve.alignment import EYE_CORNERS, fit_similarity
 from bsface.surface.template import Template
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def photo_meshes(gathered: Gathered) -> Array:
+def photo_meshes(collection: PhotoCollection) -> Array:
     """The network's own mesh in each photo.
 
     Parameters
@@ -41,7 +41,7 @@ def photo_meshes(gathered: Gathered) -> Array:
     """
     network = load_network(find_models().mesh, MESH_OUTPUTS)
     meshes = []
-    for photo, marks in zip(gathered.photos, gathered.landmarks, strict=True):
+    for photo, marks in zip(collection.photos, collection.landmarks, strict=True):
         crop = upright_crop(photo.to_window(marks.points))
         picture = sample(pyramid(photo.bytes8()), crop, MESH_SIDE)
         planes = picture.transpose(2, 0, 1)[None].astype(np.float32) / 255

@@ -13,7 +13,7 @@ from _sets import GIVEN_TEMPLATE
 from bsface.camera.camera import Camera
 from bsface.camera.linear_pose import linear_pose
 from bsface.errors import ReconstructionError
-from bsface.prepare import Gathered
+from bsface.prepare import PhotoCollection
 from bsface.reconstruct import solve
 from bsface.result import Reconstruction
 from bsface.settings import Settings
@@ -57,7 +57,7 @@ class Outcome:
 
 
 def run(
-    name: str, gathered: Gathered, template: Template, settings: Settings
+    name: str, collection: PhotoCollection, template: Template, settings: Settings
 ) -> Outcome:
     """Run one row of the table; a failure is an outcome too.
 
@@ -79,19 +79,19 @@ def run(
         if name == "given-template":
             return Outcome(given_face(GIVEN_TEMPLATE, template))
         if name == "baseline":
-            face = _baseline(gathered, template)
+            face = _baseline(collection, template)
             result = None
         else:
             if name != "default":
                 settings = replace(settings, method=name)
-            result = solve(gathered, settings, template)
+            result = solve(collection, settings, template)
             face = surface_face(result.surface, template)
     except (ReconstructionError, ValueError, np.linalg.LinAlgError) as error:
         return Outcome(None, time.perf_counter() - started, str(error))
     seconds = time.perf_counter() - started
     if not np.isfinite(face.points).all():
         return Outcome(None, seconds, "the surface is not finite")
-    return Outcome(face, seconds, "", result, len(gathered.photos))
+    return Outcome(face, seconds, "", result, len(collection.photos))
 
 
 def available(names: list[str] | None) -> list[str]:
@@ -120,21 +120,24 @@ def changed_settings(pairs: list[str]) -> Settings:
         raise SystemExit(str(error)) from None
 
 
-def _baseline(gathered: Gathered, template: Template) -> Face:
+def _baseline(collection: PhotoCollection, template: Template) -> Face:
     cameras = [
-        frontalising_camera(gathered, template, i) for i in range(len(gathered.photos))
+        frontalising_camera(collection, template, i)
+        for i in range(len(collection.photos))
     ]
 
     def sample(uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return sample_photos(gathered.photos, template.surface, cameras, uv)
+        return sample_photos(collection.photos, template.surface, cameras, uv)
 
     found = baseline(template.surface, sample, inside=template.inside)
     return depth_face(found, template)
 
 
-def frontalising_camera(gathered: Gathered, template: Template, i: int) -> Camera:
+def frontalising_camera(
+    collection: PhotoCollection, template: Template, i: int
+) -> Camera:
     """Pose of photo ``i`` from the template's landmarks alone, as in [30]."""
-    photo, marks = gathered.photos[i], gathered.landmarks[i]
+    photo, marks = collection.photos[i], collection.landmarks[i]
     which = template.schemes[marks.scheme]
     weight = marks.weight * template.landmark_reliable[which]
     middle = ((photo.size[0] - 1) / 2, (photo.size[1] - 1) / 2)

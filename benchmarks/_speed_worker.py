@@ -74,17 +74,17 @@ def job(folder: str, net: int = 0) -> list[dict]:
 def nets(folder: str, sizes: str) -> list[dict]:
     """Everything after the landmarks, for several nets."""
     from bsface import Settings
-    from bsface.prepare import gather
+    from bsface.prepare import collect_photos
     from bsface.reconstruct import solve
     from bsface.surface.template import load_template
 
-    gathered = gather(folder)
+    collection = collect_photos(folder)
     found = []
     for size in map(int, sizes.split(",")):
         settings = Settings(control_points=(size, size))
         template = load_template().resampled((size, size))
         start = time.process_time(), time.perf_counter()
-        solve(gathered, settings, template)
+        solve(collection, settings, template)
         cpu, wall = time.process_time() - start[0], time.perf_counter() - start[1]
         found.append({"stage": "solve", "net": size, "cpu": cpu, "wall": wall})
     return found

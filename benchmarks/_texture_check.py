@@ -14,10 +14,10 @@ from bsface.texture.blend import COARSE
 from bsface.texture.light import light_maps
 from bsface.texture.views import (
     faces_of,
-    look_all,
     prefiltered,
     resized,
     sample,
+    view_photos,
 )
 
 Picture = npt.NDArray[np.float32]
@@ -32,7 +32,7 @@ def plain_average(reconstruction: Any, size: int = 1024) -> Picture:
         Linear; 0 where no photo sees the place.
     """
     photos = reconstruction.photos
-    views = look_all(reconstruction, COARSE)
+    views = view_photos(reconstruction, COARSE)
     total = np.zeros((size, size, 3), np.float32)
     count = np.zeros((size, size, 1), np.float32)
     for photo, view in zip(photos, views, strict=True):

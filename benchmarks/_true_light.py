@@ -23,7 +23,7 @@ from bsface.photometry.lighting import (
     solve_lights,
 )
 from bsface.photometry.sampling import smooth_photo, view_weights
-from bsface.photometry.transfer import sky
+from bsface.photometry.transfer import radiance_transfer
 from bsface.solve.joint import refine as joint_stage
 from bsface.solve.joint.system import read_photos
 from numpy.typing import NDArray
@@ -78,7 +78,7 @@ def shading_on(
     ]
     X = np.broadcast_to(points, (len(photos), *points.shape))
     values = read_photos(fields, cameras, X, normals, view)[0]
-    Y = sky(truth.surface, uv, degree, options.shadows).basis(normals)
+    Y = radiance_transfer(truth.surface, uv, degree, options.shadows).basis(normals)
     lights, albedo, _, _ = estimate_lighting(
         values, view, Y, np.zeros((len(photos), Y.shape[1])), np.ones(len(uv)),
         options.noise, rounds=ROUNDS, ridge=options.light_ridge,
@@ -100,7 +100,7 @@ def shading_held(
     A photo's intensities are relative to its median over the points that it sees, which
     the estimated geometry changes a little: held lights keep a factor for each photo.
     """
-    take = joint_stage.take_samples
+    take = joint_stage.sample_surface
     equations = joint_stage.normal_equations
     priors = joint_stage._add_photo_priors
     known: list[Shading] = []

@@ -16,7 +16,7 @@ import numpy as np
 from _sets import FaceSet
 from bsface.camera.camera import Camera
 from bsface.landmarks.landmarks import Landmarks
-from bsface.prepare import Gathered
+from bsface.prepare import PhotoCollection
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.prior import ShapePrior
 from bsface.surface.template import Template
@@ -164,8 +164,11 @@ def true_cameras(folder: Path, names: Sequence[str], truth: Truth) -> list[Camer
 
 
 def true_landmarks(
-    gathered: Gathered, template: Template, truth: Truth, cameras: Sequence[Camera]
-) -> tuple[Gathered, Template]:
+    collection: PhotoCollection,
+    template: Template,
+    truth: Truth,
+    cameras: Sequence[Camera],
+) -> tuple[PhotoCollection, Template]:
     """Perfect correspondences: the truth's own 468 surface points, projected.
 
     The template that belongs to them says so: its landmarks lie on the surface, all of
@@ -174,7 +177,7 @@ def true_landmarks(
     points = truth.surface.evaluate(*template.landmark_uv.T)
     marks = tuple(
         Landmarks(photo.name, "468", camera.project(points), np.ones(len(points)))
-        for photo, camera in zip(gathered.photos, cameras, strict=True)
+        for photo, camera in zip(collection.photos, cameras, strict=True)
     )
     exact = replace(
         template,
@@ -182,7 +185,7 @@ def true_landmarks(
         landmark_sigma=np.full(len(points), 0.1),
         landmark_reliable=np.ones(len(points), bool),
     )
-    return replace(gathered, landmarks=marks), exact
+    return replace(collection, landmarks=marks), exact
 
 
 def true_template(template: Template, truth: Truth) -> Template:

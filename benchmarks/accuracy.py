@@ -32,7 +32,7 @@ from _reliability import reliability, reliability_table
 from _sets import EVAL, ROOT, each_set, find_sets, load_measure, load_set, score
 from _table import COLUMNS, averages, text_table, write_csv
 from bsface.errors import ReconstructionError
-from bsface.prepare import gather
+from bsface.prepare import collect_photos
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 
@@ -95,16 +95,16 @@ def run_set(
     drawn = {}
     started = time.perf_counter()
     try:
-        gathered = gather(one.photos, settings)
+        collection = collect_photos(one.photos, settings)
     except ReconstructionError as error:
         rows = [{"set": name, "method": m, "note": str(error)} for m in methods]
         print(f"{name}: {error}", flush=True)
         return SetResult(rows, set_pictures(one, {}), [])
     seconds = time.perf_counter() - started
-    total = len(gathered.photos) + len(gathered.failures)
+    total = len(collection.photos) + len(collection.failures)
     print(f"\n{name}: {total} photos, landmarks {seconds:.0f} s", flush=True)
     for method in methods:
-        outcome = run(method, gathered, template, settings)
+        outcome = run(method, collection, template, settings)
         row: dict[str, object] = {"set": name, "method": method}
         if outcome.face is not None:
             found = score(measure, outcome.face, one)

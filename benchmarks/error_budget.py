@@ -40,7 +40,7 @@ from _truth import (
     true_template,
 )
 from bsface.camera.camera import PARAMETERS, Camera
-from bsface.prepare import Gathered, gather
+from bsface.prepare import PhotoCollection, collect_photos
 from bsface.reconstruct import joint_options, solve
 from bsface.settings import Settings
 from bsface.solve import motion as bundle_stage
@@ -124,11 +124,11 @@ def budget(
     logging.getLogger("bsface").setLevel(logging.ERROR)
     measure, one = load_measure(data), load_set(data, name)
     template = load_template().resampled(settings.control_points)
-    gathered = gather(one.photos, settings)
+    collection = collect_photos(one.photos, settings)
     # A wide, short-ranged prior: the fit is to have all the detail that the net can.
     loose = shape_prior(template, settings.modes, settings.expression_modes, 2.0, 0.05)
     truth = fit_truth(measure, one, template, loose)
-    cameras = true_cameras(data / name, [p.name for p in gathered.photos], truth)
+    cameras = true_cameras(data / name, [p.name for p in collection.photos], truth)
     rows = []
     for row in wanted:
         true, width = ROWS[row]
@@ -137,7 +137,7 @@ def budget(
             surface = truth.surface
         else:
             changed = widened(settings, width)
-            surface = replaced(true, gathered, template, truth, cameras, changed)
+            surface = replaced(true, collection, template, truth, cameras, changed)
         seconds = time.perf_counter() - started
         found = score(measure, surface_face(surface, template), one)
         rows.append({"set": name, "row": row})
@@ -164,7 +164,7 @@ def widened(settings: Settings, width: float) -> Settings:
 
 def replaced(
     true: frozenset[str],
-    gathered: Gathered,
+    collection: PhotoCollection,
     template: Template,
     truth: Truth,
     cameras: list[Camera],
@@ -174,7 +174,7 @@ def replaced(
     model = template
     with ExitStack() as stack:
         if LANDMARKS in true:
-            gathered, model = true_landmarks(gathered, template, truth, cameras)
+            collection, model = true_landmarks(collection, template, truth, cameras)
             settings = replace(settings, landmark_offset_mm=0.1, landmark_noise_mm=0.1)
         if MEAN in true:
             model = true_template(model, truth)
@@ -184,7 +184,7 @@ def replaced(
             held = shading_held(
                 truth,
                 cameras,
-                gathered.photos,
+                collection.photos,
                 joint_options(settings),
                 LIGHTS in true,
                 ALBEDO in true,
@@ -192,7 +192,7 @@ def replaced(
             stack.enter_context(held)
         if START in true:
             stack.enter_context(started_at(truth, cameras))
-        return solve(gathered, settings, model).surface
+        return solve(collection, settings, model).surface
 
 
 @contextmanager

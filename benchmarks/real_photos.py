@@ -46,7 +46,7 @@ from bsface.drawing.render import render_views
 from bsface.errors import ReconstructionError
 from bsface.files import write_bytes
 from bsface.images.colour import to_picture
-from bsface.prepare import Gathered, gather
+from bsface.prepare import PhotoCollection, collect_photos
 from bsface.reconstruct import solve
 from bsface.settings import Settings
 from bsface.surface.bspline import BSplineSurface
@@ -103,30 +103,30 @@ def main() -> None:
     ):
         started = time.perf_counter()
         try:
-            gathered = gather(options.data / name, settings)
+            collection = collect_photos(options.data / name, settings)
         except ReconstructionError as error:
             raise SystemExit(str(error)) from None
-        people[name] = gathered
-        total = len(gathered.photos) + len(gathered.failures)
+        people[name] = collection
+        total = len(collection.photos) + len(collection.failures)
         print(
-            f"{name}: {len(gathered.photos)} of {total} photos can be used, "
+            f"{name}: {len(collection.photos)} of {total} photos can be used, "
             f"landmarks {time.perf_counter() - started:.0f} s",
             flush=True,
         )
-        for failure in gathered.failures:
+        for failure in collection.failures:
             print(f"  {failure.reason}")
     if {"halves", "held-out"} & set(options.parts):
         pairs = {
-            name: halves(gathered, template, settings, options.seed)
-            for name, gathered in people.items()
+            name: halves(collection, template, settings, options.seed)
+            for name, collection in people.items()
         }
         if "halves" in options.parts:
             report_halves(pairs, template, settings, options.out)
         if "held-out" in options.parts:
             report_held_out(people, pairs, template, settings, options.out)
     if "views" in options.parts:
-        for name, gathered in people.items():
-            views(name, gathered, template, settings, options.out)
+        for name, collection in people.items():
+            views(name, collection, template, settings, options.out)
 
 
 def arguments() -> argparse.Namespace:
@@ -147,17 +147,17 @@ def arguments() -> argparse.Namespace:
 
 
 def halves(
-    gathered: Gathered, template: Template, settings: Settings, seed: int
+    collection: PhotoCollection, template: Template, settings: Settings, seed: int
 ) -> tuple[Half, Half]:
     """Faces from two disjoint random halves of the photos."""
-    order = np.random.default_rng(seed).permutation(len(gathered.photos))
-    meshes = photo_meshes(gathered)
+    order = np.random.default_rng(seed).permutation(len(collection.photos))
+    meshes = photo_meshes(collection)
     found = []
     for part in (np.sort(order[::2]), np.sort(order[1::2])):
         some = replace(
-            gathered,
-            photos=tuple(gathered.photos[i] for i in part),
-            landmarks=tuple(gathered.landmarks[i] for i in part),
+            collection,
+            photos=tuple(collection.photos[i] for i in part),
+            landmarks=tuple(collection.landmarks[i] for i in part),
         )
         surface = solve(some, settings, template).surface
         mesh = procrustes_mean(meshes[part])
@@ -198,7 +198,7 @@ def report_halves(
 
 
 def report_held_out(
-    people: dict[str, Gathered],
+    people: dict[str, PhotoCollection],
     pairs: dict[str, tuple[Half, Half]],
     template: Template,
     settings: Settings,
@@ -207,7 +207,7 @@ def report_held_out(
     """Print and write the landmark distances in photos that were not used."""
     rows = []
     for name, (a, b) in pairs.items():
-        gathered = people[name]
+        collection = people[name]
         found: dict[str, list[float]] = {"face": [], "template": [], "mesh": []}
         for half, other in ((a, b), (b, a)):
             faces = {
@@ -216,7 +216,7 @@ def report_held_out(
                 "mesh": half.mesh,
             }
             for i in other.photos:
-                one = held_out_photo(faces, gathered, int(i), template, settings)
+                one = held_out_photo(faces, collection, int(i), template, settings)
                 for key, value in one.items():
                     found[key].append(value)
         row: dict[str, object] = {"person": name}
@@ -229,13 +229,13 @@ def report_held_out(
 
 def held_out_photo(
     faces: dict[str, np.ndarray],
-    gathered: Gathered,
+    collection: PhotoCollection,
     i: int,
     template: Template,
     settings: Settings,
 ) -> dict[str, float]:
     """Distance of each face in one photo, on the same landmarks for all."""
-    marks, size = gathered.landmarks[i], gathered.photos[i].size
+    marks, size = collection.landmarks[i], collection.photos[i].size
     weight = marks.weight * template.landmark_reliable
     start = pose_only(template.landmark_xyz, marks, size, weight, settings.distance_mm)
     # What is turned away is the network's guess.
@@ -250,11 +250,15 @@ def held_out_photo(
 
 
 def views(
-    name: str, gathered: Gathered, template: Template, settings: Settings, out: Path
+    name: str,
+    collection: PhotoCollection,
+    template: Template,
+    settings: Settings,
+    out: Path,
 ) -> None:
     """Write three views of a person, in clay above and with the mean texture below."""
     started = time.perf_counter()
-    result = solve(gathered, settings, template)
+    result = solve(collection, settings, template)
     texture = bake_texture(result, 1024)
     picture = to_picture(texture.mean)
     clay = render_views(result.surface, template)

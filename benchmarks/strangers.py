@@ -29,15 +29,15 @@ from _sets import EVAL, ROOT
 from _table import text_table, write_csv
 from bsface.identity.descriptor import (
     Appearance,
-    General,
+    MeanAppearance,
+    describe_appearance,
     general_of,
-    likeness,
-    look,
     mean_pattern,
     pattern_variance,
+    similarity,
 )
-from bsface.identity.same_person import tell_apart
-from bsface.prepare import gather
+from bsface.identity.same_person import split_identities
+from bsface.prepare import collect_photos
 from bsface.settings import Settings
 
 PRESS = ROOT.parent / "shared" / "photos" / "lfw"
@@ -116,8 +116,8 @@ def read_kind(folder: Path) -> Kind:
             continue  # without a camera's response and noise
         for photos in sets or [person]:
             if any(photos.glob("*.*")):
-                gathered = gather(photos, settings)
-                seen = look(gathered.photos, gathered.landmarks)
+                collection = collect_photos(photos, settings)
+                seen = describe_appearance(collection.photos, collection.landmarks)
                 found.setdefault(person.name, []).append(seen)
     return found
 
@@ -163,7 +163,7 @@ def one_folder(
         np.concatenate([c.weight for c in chosen])[order],
     )
     general = general_without(known, {p for p, _ in parts})
-    found = tell_apart(*likeness(seen, general))
+    found = split_identities(*similarity(seen, general))
     stranger = order >= own
     left_out = np.ones(own + other, bool)
     left_out[found.person] = False
@@ -196,7 +196,7 @@ def own_patterns(people: Kind) -> Own:
     return {p: (mean_pattern(s), pattern_variance(s)) for p, s in people.items()}
 
 
-def general_without(known: Own, without: set[str]) -> General | None:
+def general_without(known: Own, without: set[str]) -> MeanAppearance | None:
     """Faces in general made of all people but some; None for those stored."""
     if known is None:
         return None

@@ -120,7 +120,7 @@ def solve(request, progress=None):
         By ``progress``.
     """
     from ..core.reconstruct import reconstruct
-    from ..core.solve.constraint import Held, edited_template, hold
+    from ..core.solve.constraint import Constraint, edited_template, hold
     from ..core.surface.template import load_template
 
     def tell(step):
@@ -131,7 +131,7 @@ def solve(request, progress=None):
     if request.start is not None:
         template = edited_template(request.start, load_template())
     if request.held is not None:
-        held = Held(request.held, request.softness_mm)
+        held = Constraint(request.held, request.softness_mm)
     result = reconstruct(
         request.photos,
         request.settings,
@@ -215,9 +215,9 @@ def photos_of(face):
 
 def detect(request, progress=None):
     """Find faces and landmarks only; returns the core's Gathered."""
-    from ..core.prepare import gather
+    from ..core.prepare import collect_photos
 
-    return gather(
+    return collect_photos(
         request.photos,
         request.settings,
         progress,
@@ -255,7 +255,7 @@ def next_face(path, name, scheme, current):
     return found[(middles.index(min(middles)) + 1) % len(found)]
 
 
-def hints(gathered):
+def hints(collection):
     """Sentences on the views that are missing, before anything is solved."""
     import numpy as np
 
@@ -265,7 +265,7 @@ def hints(gathered):
 
     template = load_template()
     poses = []
-    for found in gathered.landmarks:
+    for found in collection.landmarks:
         index = template.schemes[found.scheme]
         weight = found.weight * template.landmark_reliable[index]
         pose = linear_pose(found.points, template.landmark_xyz[index], weight)

@@ -57,7 +57,7 @@ class Clock:
         self.newest = Step(stage, done, total, overall, message)
         self.progress(self.newest)
 
-    def tick(self) -> None:
+    def check_cancelled(self) -> None:
         """The newest step again: no news, but a chance to stop."""
         if self.progress is not None and self.newest is not None:
             self.progress(self.newest)

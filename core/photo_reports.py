@@ -6,18 +6,18 @@ import numpy as np
 
 from .images.photo import natural_key
 from .photometry.lighting import PhotometricEvidence
-from .prepare import Gathered
+from .prepare import PhotoCollection
 from .result import PhotoReport
-from .solve.expression import expression_moves
-from .solve.motion import Bundle, Observations
+from .solve.expression import landmark_expression_offsets
+from .solve.motion import Bundle, LandmarkObservations
 from .surface.template import Template
 
 
 def photo_reports(
-    gathered: Gathered,
+    collection: PhotoCollection,
     template: Template,
     shown: Bundle,
-    seen: Observations,
+    seen: LandmarkObservations,
     evidence: PhotometricEvidence | None,
 ) -> tuple[PhotoReport, ...]:
     """One report a photo, in the order of their names; those that were not used too.
@@ -31,12 +31,14 @@ def photo_reports(
     seen : Observations
     evidence : PhotometricEvidence or None
     """
-    reports = [PhotoReport(f.name, f.code, f.reason) for f in gathered.failures]
-    moves = expression_moves(template, seen, shown.expressions.shape[1])
-    for i, photo in enumerate(gathered.photos):
+    reports = [PhotoReport(f.name, f.code, f.reason) for f in collection.failures]
+    expression_offsets = landmark_expression_offsets(
+        template, seen, shown.expressions.shape[1]
+    )
+    for i, photo in enumerate(collection.photos):
         known = seen.weight[i] > 0
         camera = shown.cameras[i]
-        points = shown.structure + moves @ shown.expressions[i]
+        points = shown.structure + expression_offsets @ shown.expressions[i]
         away = np.linalg.norm(camera.project(points) - seen.pixels[i], axis=1)
         eye = camera.s * template.eye_distance
         yaw, pitch, roll = camera.yaw_pitch_roll
@@ -50,7 +52,7 @@ def photo_reports(
             PhotoReport(
                 photo.name,
                 "used",
-                gathered.landmarks[i].note,
+                collection.landmarks[i].note,
                 float(100 * np.median(away[known]) / eye),
                 float(yaw),
                 float(pitch),

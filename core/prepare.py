@@ -21,7 +21,7 @@ import numpy as np
 
 from .camera.linear_pose import linear_pose
 from .errors import PhotoFailure, ReconstructionError
-from .identity.same_person import set_strangers_apart
+from .identity.same_person import separate_identities
 from .images.photo import Photo, cut, list_photos, read_photo
 from .landmarks.face_mesh import FaceMesh
 from .landmarks.face_models import ModelFiles
@@ -48,7 +48,7 @@ HALF_WEIGHT_SIGMA = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Gathered:
+class PhotoCollection:
     """The photos that can be used, and why the others cannot.
 
     Parameters
@@ -66,10 +66,10 @@ class Gathered:
     photos: tuple[Photo, ...]
     landmarks: tuple[Landmarks, ...]
     failures: tuple[PhotoFailure, ...]
-    doubts: tuple[str, ...] = ()
+    identity_warnings: tuple[str, ...] = ()
 
 
-def gather(
+def collect_photos(
     photos: str | os.PathLike | Sequence,
     settings: Settings | None = None,
     progress: Progress | None = None,
@@ -78,7 +78,7 @@ def gather(
     landmarks: Mapping[str, Landmarks] | None = None,
     ignore: Sequence[str] = (),
     models: ModelFiles | None = None,
-) -> Gathered:
+) -> PhotoCollection:
     """Read photos, find the person's face in each and its landmarks.
 
     Landmarks given here win over a landmark file beside the photo, which wins
@@ -121,29 +121,29 @@ def gather(
     outcome: list[tuple[Candidate, ...] | PhotoFailure] = []
     for done, (name, source) in enumerate(sources):
 
-        def tick(done: int = done, name: str = name) -> None:
+        def check_cancelled(done: int = done, name: str = name) -> None:
             _tell(progress, done, total, f"looking at {name}")
 
-        tick()
+        check_cancelled()
         if name in ignore:
             outcome.append(PhotoFailure(name, "ignored", f"{name} is set aside."))
         else:
-            outcome.append(reader.read(source, name, tick))
+            outcome.append(reader.read(source, name, check_cancelled))
     chosen = choose_faces(outcome)
-    doubts: tuple[str, ...] = ()
+    identity_warnings: tuple[str, ...] = ()
     if settings.one_person:
         _tell(progress, total, total, "comparing the faces")
-        chosen, doubts = set_strangers_apart(chosen)
+        chosen, identity_warnings = separate_identities(chosen)
     used = [item for item in chosen if isinstance(item, Candidate)]
     failures = tuple(item for item in chosen if isinstance(item, PhotoFailure))
     _tell(progress, total, total, f"{len(used)} of {total} photos can be used")
     if not used:
         raise ReconstructionError(_nothing(total, failures))
-    return Gathered(
+    return PhotoCollection(
         tuple(item.photo for item in used),
         tuple(item.landmarks for item in used),
         failures,
-        doubts,
+        identity_warnings,
     )
 
 
@@ -170,7 +170,7 @@ class _Reader:
         self,
         source: str | os.PathLike | np.ndarray,
         name: str,
-        tick: Callable[[], None],
+        check_cancelled: Callable[[], None],
     ) -> tuple[Candidate, ...] | PhotoFailure:
         photo = read_photo(source, name)
         if isinstance(photo, PhotoFailure):
@@ -182,7 +182,7 @@ class _Reader:
             )
         self.seen[digest] = name
         try:
-            found = self._find(photo, tick)
+            found = self._find(photo, check_cancelled)
         except LandmarkFileError as error:
             return PhotoFailure(name, "implausible", str(error))
         if isinstance(found, PhotoFailure):
@@ -190,7 +190,7 @@ class _Reader:
         return tuple(self._judge(photo, landmarks) for landmarks in found)
 
     def _find(
-        self, photo: Photo, tick: Callable[[], None]
+        self, photo: Photo, check_cancelled: Callable[[], None]
     ) -> list[Landmarks] | PhotoFailure:
         name = photo.name
         if name in self.given:
@@ -217,7 +217,7 @@ class _Reader:
         if self.mesh is None:
             self.mesh = FaceMesh(self.models, self.template.landmark_mirror)
         image = photo.bytes8()
-        faces = self.mesh.detect_faces(image, tick)
+        faces = self.mesh.detect_faces(image, check_cancelled)
         found = []
         for face in sorted(faces, key=lambda f: -f.side)[:MAX_FACES]:
             mesh = self.mesh.landmarks(image, face)

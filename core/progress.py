@@ -34,8 +34,8 @@ class Step:
 Progress = Callable[[Step], None]
 
 # Called now and then inside a long piece of work, without news; may raise `Cancelled`.
-Tick = Callable[[], None]
+CheckCancelled = Callable[[], None]
 
 
-def no_tick() -> None:
+def never_cancelled() -> None:
     """The tick of a job that nobody watches."""

@@ -21,16 +21,16 @@ from .landmarks.landmarks import Landmarks
 from .photo_reports import photo_reports
 from .photometry import harmonics
 from .photometry.lighting import PhotometricEvidence
-from .prepare import Gathered, gather
+from .prepare import PhotoCollection, collect_photos
 from .progress import Progress
 from .result import Reconstruction
 from .settings import Settings
 from .solve.alignment import head_frame
-from .solve.constraint import Held, edited_template, hold
-from .solve.expression import settle_expressions
+from .solve.constraint import Constraint, edited_template, hold
+from .solve.expression import select_neutral
 from .solve.joint.refine import JointOptions, Level, refine
-from .solve.known_face import know
-from .solve.motion import Bundle, BundleOptions, Observations, adjust
+from .solve.known_face import personalise_landmarks
+from .solve.motion import Bundle, LandmarkObservations, MotionOptions, estimate_motion
 from .solve.paper.on_photos import run_imls
 from .surface.bspline import BSplineSurface
 from .surface.prior import shape_prior
@@ -56,7 +56,7 @@ def reconstruct(
     progress: Progress | None = None,
     ignore: Sequence[str] = (),
     landmarks: Mapping[str, Landmarks] | None = None,
-    held: Held | None = None,
+    held: Constraint | None = None,
 ) -> Reconstruction:
     """Reconstruct a face from photos of one person.
 
@@ -92,7 +92,7 @@ def reconstruct(
     with one_blas_thread(), _memory_told():
         model = _template(template, settings)
         settings = replace(settings, control_points=model.surface.shape)
-        gathered = gather(
+        collection = collect_photos(
             photos,
             settings,
             clock.nested("landmarks"),
@@ -101,7 +101,7 @@ def reconstruct(
             ignore=ignore,
         )
         clock.lap("landmarks")
-        return solve(gathered, settings, model, clock, held)
+        return solve(collection, settings, model, clock, held)
 
 
 @contextlib.contextmanager
@@ -120,15 +120,15 @@ def _memory_told() -> Iterator[None]:
 
 @one_blas_thread()
 def solve(
-    gathered: Gathered,
+    collection: PhotoCollection,
     settings: Settings,
     template: Template,
     clock: Clock | None = None,
-    held: Held | None = None,
+    held: Constraint | None = None,
 ) -> Reconstruction:
     """The reconstruction from photos whose landmarks are known."""
     clock = clock or Clock(None)
-    if not gathered.photos:
+    if not collection.photos:
         raise ReconstructionError("No photo can be used; see the reasons per photo.")
     clock.tell("motion", 0, 1, "adjusting poses and landmarks")
     prior = shape_prior(
@@ -138,11 +138,13 @@ def solve(
         settings.smooth_mm,
         settings.smooth_length,
     )
-    clock.tick()
-    seen = observations(gathered, template)
-    cameras = _linear_cameras(gathered, template, seen, settings)
-    options = bundle_options(settings)
-    bundle = adjust(template, prior, seen, cameras, options, clock.tick)
+    clock.check_cancelled()
+    seen = observations(collection, template)
+    cameras = _linear_cameras(collection, template, seen, settings)
+    options = motion_options(settings)
+    bundle = estimate_motion(
+        template, prior, seen, cameras, options, clock.check_cancelled
+    )
     history: list[dict[str, Any]] = [
         {"stage": "motion", "residual": r, "step_mm": 0.0} for r in bundle.history
     ]
@@ -153,20 +155,22 @@ def solve(
     evidence: PhotometricEvidence | None = None
     deviation: Array | None = None
     if method in ("imls", "paper"):
-        shown, evidence = _classic(gathered, template, seen, settings, bundle, progress)
-    elif method == "motion" or len(gathered.photos) < FEWEST_FOR_SHADING:
-        shown, _ = settle_expressions(bundle, template, seen)
+        shown, evidence = _classic(
+            collection, template, seen, settings, bundle, progress
+        )
+    elif method == "motion" or len(collection.photos) < FEWEST_FOR_SHADING:
+        shown, _ = select_neutral(bundle, template, seen)
         shown = _holding(shown, template, settings, held)
     else:
         shown, evidence, deviation = _joint(
-            gathered, template, prior, seen, bundle, settings, progress, held
+            collection, template, prior, seen, bundle, settings, progress, held
         )
     clock.lap("refine")
     result = Reconstruction(
         surface=shown.surface,
         template=template,
-        photos=gathered.photos,
-        landmarks=gathered.landmarks,
+        photos=collection.photos,
+        landmarks=collection.landmarks,
         cameras=shown.cameras,
         photometric=evidence,
         reports=(),
@@ -176,8 +180,8 @@ def solve(
         expressions=shown.expressions,
     )
     result = _in_head_frame(result)
-    reports = photo_reports(gathered, template, shown, seen, evidence)
-    warnings = gathered.doubts + shortcomings(
+    reports = photo_reports(collection, template, shown, seen, evidence)
+    warnings = collection.identity_warnings + shortcomings(
         np.array([c.yaw_pitch_roll for c in result.cameras]),
         None if evidence is None else evidence.singular_values,
     )
@@ -190,21 +194,23 @@ def solve(
     )
 
 
-def observations(gathered: Gathered, template: Template) -> Observations:
+def observations(
+    collection: PhotoCollection, template: Template
+) -> LandmarkObservations:
     """Landmarks of all photos on the numbering of the template's reliable ones."""
     index = np.flatnonzero(template.landmark_reliable)
-    n, count = len(gathered.photos), len(template.landmark_uv)
+    n, count = len(collection.photos), len(template.landmark_uv)
     pixels, weight = np.zeros((n, count, 2)), np.zeros((n, count))
-    for i, marks in enumerate(gathered.landmarks):
+    for i, marks in enumerate(collection.landmarks):
         which = template.schemes[marks.scheme]
         pixels[i, which], weight[i, which] = marks.points, marks.weight
     used = index[(weight[:, index] > 0).any(0)]
-    return Observations(pixels[:, used], weight[:, used], used)
+    return LandmarkObservations(pixels[:, used], weight[:, used], used)
 
 
-def bundle_options(settings: Settings) -> BundleOptions:
+def motion_options(settings: Settings) -> MotionOptions:
     """Options of the motion stage."""
-    return BundleOptions(
+    return MotionOptions(
         offset_mm=settings.landmark_offset_mm,
         noise_mm=settings.landmark_noise_mm,
         distance_mm=settings.distance_mm,
@@ -230,7 +236,7 @@ def joint_options(settings: Settings) -> JointOptions:
     )
 
 
-def _holding(bundle: Bundle, template, settings, held: Held | None) -> Bundle:
+def _holding(bundle: Bundle, template, settings, held: Constraint | None) -> Bundle:
     """The bundle with held control points near where the template has them."""
     if held is None or not held.points.any():
         return bundle
@@ -247,13 +253,13 @@ def _holding(bundle: Bundle, template, settings, held: Held | None) -> Bundle:
 
 
 def _joint(
-    gathered, template, prior, seen, bundle: Bundle, settings, progress, held=None
+    collection, template, prior, seen, bundle: Bundle, settings, progress, held=None
 ):
     options = joint_options(settings)
     steps = [level.iterations for level in options.levels]
     total = sum(steps)
     progress.clock.tell("refine", 0, total, "measuring light and shape together")
-    bundle, weights = settle_expressions(bundle, template, seen)
+    bundle, weights = select_neutral(bundle, template, seen)
     bundle = _holding(bundle, template, settings, held)
     kept = None if held is None else held.weight
     state = None
@@ -261,11 +267,11 @@ def _joint(
         template,
         prior,
         bundle,
-        gathered.photos,
+        collection.photos,
         seen,
         options,
         weights,
-        progress.clock.tick,
+        progress.clock.check_cancelled,
         kept,
     ):
         progress.history.append(
@@ -276,12 +282,12 @@ def _joint(
         progress.clock.tell("refine", done, total, message)
     assert state is not None
     # Where the landmarks sit on this face, seen from where the cameras are now.
-    known = know(
+    known = personalise_landmarks(
         state.surface,
         template,
         state.cameras,
         seen,
-        bundle_options(settings),
+        motion_options(settings),
         bundle.expressions,
     )
     deviation = None
@@ -299,7 +305,7 @@ def _joint(
     return shown, state.evidence(), deviation
 
 
-def _classic(gathered, template, seen, settings, bundle: Bundle, progress):
+def _classic(collection, template, seen, settings, bundle: Bundle, progress):
     def on_state(state) -> None:
         progress.history.append(
             {"stage": state.stage, "step_mm": state.change_mm, **dict(state.figures)}
@@ -315,7 +321,12 @@ def _classic(gathered, template, seen, settings, bundle: Bundle, progress):
     total = 2 * settings.outer_passes
     progress.clock.tell("refine", 0, total, "measuring light")
     surface, cameras, evidence = run_imls(
-        gathered.photos, template, seen, settings, on_state, progress.clock.tick
+        collection.photos,
+        template,
+        seen,
+        settings,
+        on_state,
+        progress.clock.check_cancelled,
     )
     shown = replace(
         bundle,
@@ -327,12 +338,12 @@ def _classic(gathered, template, seen, settings, bundle: Bundle, progress):
     return shown, evidence
 
 
-def _linear_cameras(gathered, template, seen, settings) -> list[Camera]:
+def _linear_cameras(collection, template, seen, settings) -> list[Camera]:
     """Start: the paper's linear pose, at the typical distance."""
     cameras = []
     Q = template.landmark_xyz[seen.index]
     kappa = 1 / settings.distance_mm if settings.perspective else 0.0
-    for i, photo in enumerate(gathered.photos):
+    for i, photo in enumerate(collection.photos):
         centre = ((photo.size[0] - 1) / 2, (photo.size[1] - 1) / 2)
         pose = linear_pose(seen.pixels[i], Q, seen.weight[i], centre, photo.name)
         if not isinstance(pose, Camera):

@@ -15,14 +15,14 @@ from .errors import PhotoFailure, ReconstructionError
 from .formats.face_file import SavedFace
 from .images.photo import Photo
 from .landmarks.landmarks import Landmarks
-from .prepare import gather
+from .prepare import collect_photos
 from .progress import Progress
-from .reconstruct import bundle_options
+from .reconstruct import motion_options
 from .result import Reconstruction
 from .settings import Settings
-from .solve.known_face import KnownFace, find_again, know
-from .solve.known_face_shading import ShadingOptions, Skin, find_by_shading, skin
-from .solve.motion import Observations
+from .solve.known_face import KnownFace, estimate_pose_expression, personalise_landmarks
+from .solve.known_face_shading import ShadingOptions, Skin, refine_pose_expression, skin
+from .solve.motion import LandmarkObservations
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
 from .threads import one_blas_thread
@@ -123,7 +123,7 @@ def track(
     if template is None:
         template = face.template if isinstance(face, Reconstruction) else None
     model = (template or load_template()).resampled(face.surface.shape)
-    gathered = gather(
+    collection = collect_photos(
         _sources(photos),
         settings,
         progress,
@@ -131,28 +131,32 @@ def track(
         landmarks=landmarks,
         ignore=ignore,
     )
-    options = bundle_options(settings)
+    options = motion_options(settings)
     if not settings.perspective:
         options = replace(options, distance_mm=float("inf"))
-    known = know(face.surface, model, face.cameras, _seen(face, model), options)
+    known = personalise_landmarks(
+        face.surface, model, face.cameras, _seen(face, model), options
+    )
     index = known.index
     at = None if settings.method == "motion" else _skin(face, known)
     shading = ShadingOptions(
         noise=settings.intensity_noise, independence=settings.independence
     )
     found: list[TrackedPhoto] = []
-    failures = list(gathered.failures)
-    pairs = zip(gathered.photos, gathered.landmarks, strict=True)
+    failures = list(collection.failures)
+    pairs = zip(collection.photos, collection.landmarks, strict=True)
     for photo, marks in pairs:
         everything = _on_template([marks], model)
         pixels, weight = (x[0][index] for x in everything)
         centre = ((photo.size[0] - 1) / 2, (photo.size[1] - 1) / 2)
-        pose = find_again(known, pixels, weight, centre, options, photo.name)
+        pose = estimate_pose_expression(
+            known, pixels, weight, centre, options, photo.name
+        )
         if isinstance(pose, PhotoFailure):
             failures.append(pose)
             continue
         if at is not None:
-            pose = find_by_shading(
+            pose = refine_pose_expression(
                 known, at, pose, photo, pixels, weight, options, shading
             )
         found.append(
@@ -204,7 +208,9 @@ def _skin(face: Reconstruction | SavedFace, known: KnownFace) -> Skin | None:
     return skin(known, uv, albedo.mean(1))
 
 
-def _seen(face: Reconstruction | SavedFace, template: Template) -> Observations | None:
+def _seen(
+    face: Reconstruction | SavedFace, template: Template
+) -> LandmarkObservations | None:
     """Landmarks of the photos that the face was made of, where they are stored."""
     if isinstance(face, SavedFace):
         parts = zip(
@@ -221,7 +227,7 @@ def _seen(face: Reconstruction | SavedFace, template: Template) -> Observations 
         return None
     index = np.flatnonzero(template.landmark_reliable)
     pixels, weight = _on_template(marks, template)
-    return Observations(pixels[:, index], weight[:, index], index)
+    return LandmarkObservations(pixels[:, index], weight[:, index], index)
 
 
 def _on_template(marks: Sequence[Landmarks], template: Template) -> tuple[Array, Array]:

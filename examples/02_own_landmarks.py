@@ -14,7 +14,7 @@ from pathlib import Path
 
 import bsface
 from bsface.landmarks.landmarks import Landmarks, write_landmarks
-from bsface.prepare import gather
+from bsface.prepare import collect_photos
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
@@ -26,7 +26,7 @@ def main(photos=PHOTOS, out=OUT, settings=None):
     folder = Path(out) / "photos_with_landmarks"
     folder.mkdir(parents=True, exist_ok=True)
 
-    found = gather(photos, settings)
+    found = collect_photos(photos, settings)
     for photo, landmarks in zip(found.photos, found.landmarks, strict=True):
         assert photo.path is not None
         copy = Path(shutil.copy(photo.path, folder))

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import bsface
 import numpy as np
-from bsface.prepare import gather
+from bsface.prepare import collect_photos
 from bsface.reconstruct import observations
 from bsface.solve.joint.samples import sample_grid
 from bsface.solve.paper.algorithm1 import Limits, imls, paper_steps
-from bsface.solve.paper.motion import LandmarkObservations
+from bsface.solve.paper.motion import PaperLandmarks
 from bsface.solve.paper.on_photos import sample_photos
 from bsface.solve.paper.shading import ShadingParameters
 
@@ -24,11 +24,11 @@ OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
 def main(photos=PHOTOS, out=OUT, settings=None):
     """Run the loops by hand; stopping is ceasing to iterate."""
     settings = settings or bsface.Settings()
-    found = gather(photos, settings)
+    found = collect_photos(photos, settings)
     template = bsface.load_template().resampled(settings.control_points)
     seen = observations(found, template)
     middles = [[(w - 1) / 2, (h - 1) / 2] for w, h in (p.size for p in found.photos)]
-    landmarks = LandmarkObservations(
+    landmarks = PaperLandmarks(
         seen.pixels, seen.weight, template.landmark_uv[seen.index], np.array(middles)
     )
     uv = sample_grid(template, 40)

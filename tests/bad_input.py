@@ -181,7 +181,7 @@ def full_disk(package: str) -> Iterator[None]:
 @contextlib.contextmanager
 def little_memory(package: str) -> Iterator[None]:
     module = sys.modules[f"{package}.reconstruct"]
-    with mock.patch.object(module, "adjust", side_effect=MemoryError):
+    with mock.patch.object(module, "estimate_motion", side_effect=MemoryError):
         yield
 
 

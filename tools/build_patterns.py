@@ -25,12 +25,12 @@ from bsface.files import write_bytes
 from bsface.identity.descriptor import (
     PATTERNS,
     SIDE,
+    describe_appearance,
     general_of,
-    look,
     mean_pattern,
     pattern_variance,
 )
-from bsface.prepare import gather
+from bsface.prepare import collect_photos
 from bsface.settings import Settings
 
 SETS = ("S1", "S2", "S3", "S4", "S5")
@@ -52,8 +52,8 @@ def main() -> None:
         sets = []
         named = [person / s / "images" for s in SETS if (person / s).is_dir()]
         for folder in named or [person]:
-            found = gather(folder, settings)
-            sets.append(look(found.photos, found.landmarks))
+            found = collect_photos(folder, settings)
+            sets.append(describe_appearance(found.photos, found.landmarks))
             print(f"{folder}: {len(found.photos)} photos", flush=True)
         people.append((mean_pattern(sets), pattern_variance(sets)))
     if len(people) < 2:

@@ -343,10 +343,10 @@ def build(source: Path, targets: Path | None, shape=(42, 44)) -> dict[str, np.nd
     )
     identity, held = modes(faces, IDENTITY_MODES)
     print(f"identity: {IDENTITY_MODES} modes hold {held:.2%} of the variance")
-    moves = np.stack(
+    expression_offsets = np.stack(
         [(fit @ d).ravel() for d in sample_expressions(morphs, rng, SAMPLES // 2)]
     )
-    expression, held = modes(moves, EXPRESSION_MODES)
+    expression, held = modes(expression_offsets, EXPRESSION_MODES)
     print(f"expression: {EXPRESSION_MODES} modes hold {held:.2%} of the variance")
     f16 = lambda x: x.reshape(len(x), *shape, 3).astype(np.float16)  # noqa: E731
     corners = head["triangles"][marks["triangle"]]

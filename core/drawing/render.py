@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ..progress import Tick, no_tick
+from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface, grid_parameters, grid_triangles
 from .rasterize import rasterize
 
@@ -246,7 +246,7 @@ def render_views(
     shading: float = 1.0,
     resolution: int = 220,
     background: Sequence[int] = (255, 255, 255),
-    tick: Tick = no_tick,
+    check_cancelled: CheckCancelled = never_cancelled,
 ) -> npt.NDArray[np.uint8]:
     """Views of a face side by side at one scale.
 
@@ -280,7 +280,7 @@ def render_views(
     mm_per_pixel = max(spread[1] for spread in spreads) / (0.94 * height)
     pictures = []
     for rotation, spread in zip(rotations, spreads, strict=True):
-        tick()
+        check_cancelled()
         width = int(np.ceil(spread[0] / mm_per_pixel / 0.94))
         turned = (grid.points[used] - middle) @ rotation.T
         shift = (turned.min(axis=0) + turned.max(axis=0)) / 2

@@ -69,7 +69,7 @@ class Appearance:
 
 
 @dataclass(frozen=True, eq=False)
-class General:
+class MeanAppearance:
     """What faces in general show.
 
     Attributes
@@ -84,7 +84,9 @@ class General:
     variance: Maps
 
 
-def look(photos: Sequence[Photo], landmarks: Sequence[Landmarks]) -> Appearance:
+def describe_appearance(
+    photos: Sequence[Photo], landmarks: Sequence[Landmarks]
+) -> Appearance:
     """The patterns of photos; landmarks must be those of the scheme 468."""
     shape = (len(photos), SIDE, SIDE)
     pattern, weight = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
@@ -94,7 +96,9 @@ def look(photos: Sequence[Photo], landmarks: Sequence[Landmarks]) -> Appearance:
     return Appearance(pattern, weight)
 
 
-def likeness(seen: Appearance, general: General | None = None) -> tuple[Array, Array]:
+def similarity(
+    seen: Appearance, general: MeanAppearance | None = None
+) -> tuple[Array, Array]:
     """How alike the faces of any two photos are.
 
     Parameters
@@ -110,7 +114,7 @@ def likeness(seen: Appearance, general: General | None = None) -> tuple[Array, A
     overlap : (n, n) array
         How much both see, 0 to 1; 0 on the diagonal.
     """
-    general = stored_general() if general is None else general
+    general = stored_mean_appearance() if general is None else general
     n = len(seen.pattern)
     w = seen.weight / (general.variance + STEADY).astype(float)
     w[:, BELOW_NOSE:] *= LOWER
@@ -127,12 +131,12 @@ def likeness(seen: Appearance, general: General | None = None) -> tuple[Array, A
 
 
 @lru_cache(maxsize=1)
-def stored_general() -> General:
+def stored_mean_appearance() -> MeanAppearance:
     """The stored patterns of faces in general."""
     with np.load(PATTERNS, allow_pickle=False) as stored:
         mean = stored["mean"].astype(np.float32) / 100
         variance = stored["variance"].astype(np.float32) / 200
-    return General(_whole(mean), _whole(variance))
+    return MeanAppearance(_whole(mean), _whole(variance))
 
 
 def _whole(half: Maps) -> Maps:
@@ -157,7 +161,9 @@ def _mean(seen: Appearance) -> Maps:
     return np.asarray(total / (seen.weight.sum(0) + 1e-3), np.float32)
 
 
-def general_of(people: Sequence[tuple[Maps, Maps]], members: bool = False) -> General:
+def general_of(
+    people: Sequence[tuple[Maps, Maps]], members: bool = False
+) -> MeanAppearance:
     """Faces in general from the mean patterns and variances of people.
 
     Parameters
@@ -173,7 +179,7 @@ def general_of(people: Sequence[tuple[Maps, Maps]], members: bool = False) -> Ge
     if members:
         mean = (means.sum(0) - means) / (len(means) - 1)
     smooth = cv2.GaussianBlur(variance, (0, 0), VARIANCE_SMOOTH)
-    return General(
+    return MeanAppearance(
         np.asarray(mean, np.float32),
         np.asarray((smooth + smooth[:, ::-1]) / 2, np.float32),
     )

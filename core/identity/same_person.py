@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ..errors import PhotoFailure
 from ..landmarks.face_selection import Candidate
-from .descriptor import likeness, look
+from .descriptor import describe_appearance, similarity
 
 Array = NDArray[np.float64]
 Group = NDArray[np.int64]
@@ -58,7 +58,7 @@ class People:
     doubtful: tuple[Group, ...] = ()
 
 
-def set_strangers_apart(
+def separate_identities(
     chosen: Sequence[Candidate | PhotoFailure],
 ) -> tuple[list[Candidate | PhotoFailure], tuple[str, ...]]:
     """Photos of somebody else become failures; what is not sure is told.
@@ -89,7 +89,7 @@ def set_strangers_apart(
     if len(photos) < FEWEST:
         return result, ()
     names = [photo.name for photo in photos]
-    people = tell_apart(*likeness(look(photos, landmarks)))
+    people = split_identities(*similarity(describe_appearance(photos, landmarks)))
     sentences = []
     for group in people.strangers:
         for k in group:
@@ -126,7 +126,7 @@ class _Split:
     excess: float  #: of the ratio: below 0 surely two people, below 1 perhaps
 
 
-def tell_apart(correlation: Array, overlap: Array) -> People:
+def split_identities(correlation: Array, overlap: Array) -> People:
     """Set strangers apart, the surest first.
 
     Parameters

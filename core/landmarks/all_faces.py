@@ -41,7 +41,7 @@ def faces_in(
     Returns
     -------
     tuple of Landmarks, or PhotoFailure
-        Also faces that `gather` would not use: the person looking knows better.
+        Also faces that `collect_photos` would not use: the person looking knows better.
 
     Raises
     ------

@@ -142,7 +142,7 @@ class FaceMesh:
         self._mesh = load_network(files.mesh, MESH_OUTPUTS)
 
     def detect_faces(
-        self, image: np.ndarray, tick: Callable[[], None] | None = None
+        self, image: np.ndarray, check_cancelled: Callable[[], None] | None = None
     ) -> tuple[Face, ...]:
         """Faces in a picture, the surest first.
 
@@ -158,7 +158,7 @@ class FaceMesh:
         tick : callable, optional
             Called now and then; may raise `Cancelled`.
         """
-        tick = tick or (lambda: None)
+        check_cancelled = check_cancelled or (lambda: None)
         levels = pyramid(image)
         h, w = image.shape[:2]
         for divisions, angles in _STAGES:
@@ -168,13 +168,13 @@ class FaceMesh:
             proposals: list[_Proposal] = []
             for angle in angles:
                 for window in windows:
-                    tick()
+                    check_cancelled()
                     turned = Crop(window.centre, window.side, np.deg2rad(angle))
                     proposals += self._propose(levels, turned)
             proposals.sort(key=lambda p: -p.score)
             faces: list[Face] = []
             for proposal in _unlike(proposals)[:MAX_PROPOSALS]:
-                tick()
+                check_cancelled()
                 face = self._verify(levels, proposal)
                 if face is not None:
                     faces.append(face)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..progress import Tick, no_tick
+from ..progress import CheckCancelled, never_cancelled
 from . import harmonics
 
 Array = NDArray[np.float64]
@@ -141,7 +141,7 @@ def robust_normals(
     noise: float = 0.06,
     pull: float = 0.05,
     rounds: int = 8,
-    tick: Tick = no_tick,
+    check_cancelled: CheckCancelled = never_cancelled,
 ) -> tuple[Array, Array, Array, Array]:
     """Normals by photometric stereo with masked, robust samples.
 
@@ -174,7 +174,7 @@ def robust_normals(
     lights, albedo = np.zeros((n, order)), np.ones(p)
     W = view
     for _ in range(rounds):
-        tick()
+        check_cancelled()
         Y = harmonics.basis(normals, order)
         lights, albedo, W, r = estimate_lighting(values, view, Y, lights, albedo, noise)
         t1, t2 = tangents(normals)

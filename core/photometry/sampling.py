@@ -135,10 +135,10 @@ def occlusion(
     hidden if its cell holds something nearer by more than `DEPTH_MARGIN`.
     """
     cover = surface.grid(grid, grid).reshape(-1, 3)
-    return hidden_in(cover, camera, points)
+    return occluded(cover, camera, points)
 
 
-def hidden_in(
+def occluded(
     cover: Array, camera: Camera, points: Array, cell_mm: float = CELL
 ) -> NDArray[np.bool_]:
     """As `occlusion`, for a surface that is given by dense points."""
@@ -184,6 +184,6 @@ def view_weights(
             points, normals = face.evaluate(*uv.T), face.normals(*uv.T)
             cover = face.grid(161, 161).reshape(-1, 3)
         cosine = (camera.toward(points) * normals).sum(1)
-        seen = (cosine > grazing) & ~hidden_in(cover, camera, points)
+        seen = (cosine > grazing) & ~occluded(cover, camera, points)
         out[i] = np.where(seen, cosine, 0.0)
     return out

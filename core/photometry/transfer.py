@@ -21,7 +21,7 @@ from scipy.special import sph_harm_y
 from ..camera.camera import Camera
 from ..surface.bspline import BSplineSurface
 from .harmonics import even_directions
-from .sampling import hidden_in
+from .sampling import occluded
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ CELL = 2.5  # of the depth maps, mm: wide enough that the grid leaves no holes
 
 
 @dataclass(frozen=True)
-class Sky:
+class Transfer:
     """What each point sees of the directions around the head.
 
     Attributes
@@ -40,27 +40,29 @@ class Sky:
         Unit vectors, evenly spread.
     light : (d, k) array
         Harmonics of the light in these directions.
-    open : (p, d) float array
+    visible : (p, d) float array
         1 where the face does not hide the direction.
     """
 
     directions: Array
     light: Array
-    open: Array
+    visible: Array
 
     def basis(self, normals: Array) -> Array:
         """Shading by each harmonic of the light, ``(p, k)``, for `normals` (p, 3)."""
-        return (self.open * np.maximum(normals @ self.directions.T, 0)) @ self.light
+        return (self.visible * np.maximum(normals @ self.directions.T, 0)) @ self.light
 
     def slopes(self, normals: Array, lights: Array) -> Array:
         """Derivative of the shading by the normal, ``(n, p, 3)``, for lights (n, k)."""
-        lit = self.open * (normals @ self.directions.T > 0)
+        lit = self.visible * (normals @ self.directions.T > 0)
         glow = (self.light @ lights.T)[:, :, None] * self.directions[:, None]
         turned = lit @ glow.reshape(len(glow), -1)
         return turned.reshape(len(normals), -1, 3).transpose(1, 0, 2)
 
 
-def sky(surface: BSplineSurface, uv: Array, degree: int, shadows: bool = True) -> Sky:
+def radiance_transfer(
+    surface: BSplineSurface, uv: Array, degree: int, shadows: bool = True
+) -> Transfer:
     """The sky over points of a surface.
 
     Parameters
@@ -79,8 +81,8 @@ def sky(surface: BSplineSurface, uv: Array, degree: int, shadows: bool = True) -
         cover = surface.grid(COVER, COVER).reshape(-1, 3)
         for k, w in enumerate(directions):
             camera = Camera(_facing(w), 1.0, np.zeros(2))
-            open_[:, k] = ~hidden_in(cover, camera, points, CELL)
-    return Sky(directions, light_basis(directions, degree), open_)
+            open_[:, k] = ~occluded(cover, camera, points, CELL)
+    return Transfer(directions, light_basis(directions, degree), open_)
 
 
 def light_basis(directions: Array, degree: int) -> Array:

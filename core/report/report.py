@@ -26,7 +26,7 @@ from ..drawing.render import render_views
 from ..files import write_bytes, write_text
 from ..formats.face_file import to_json
 from ..images.colour import to_picture
-from ..progress import Tick, no_tick
+from ..progress import CheckCancelled, never_cancelled
 from ..texture.bake import Texture, bake_texture
 from ..threads import one_blas_thread
 from .page import page
@@ -147,23 +147,34 @@ def report_facts(
 
 
 def report_pictures(
-    reconstruction: Any, texture: Texture | None = None, tick: Tick = no_tick
+    reconstruction: Any,
+    texture: Texture | None = None,
+    check_cancelled: CheckCancelled = never_cancelled,
 ) -> dict[str, npt.NDArray[np.uint8]]:
-    """The page's pictures by name, (h, w, 3) uint8; ``tick`` before each of them."""
+    """The page's pictures by name, (h, w, 3) uint8; ``check_cancelled`` before each of them."""
     surface, template = reconstruction.surface, reconstruction.template
-    pictures = {"views": render_views(surface, template, height=460, tick=tick)}
+    pictures = {
+        "views": render_views(
+            surface, template, height=460, check_cancelled=check_cancelled
+        )
+    }
     if texture is not None:
         skin = to_picture(texture.mean)
         pictures["textured"] = render_views(
-            surface, template, height=460, colours=skin, shading=0.15, tick=tick
+            surface,
+            template,
+            height=460,
+            colours=skin,
+            shading=0.15,
+            check_cancelled=check_cancelled,
         )
         pictures["albedo"] = _square(to_picture(texture.albedo), 420)
         pictures["mean"] = _square(skin, 420)
     for name, values in maps.derivative_maps(surface).items():
-        tick()
+        check_cancelled()
         pictures[f"map_{name}"] = _map_picture(values, name)
-    on_face = partial(_on_face, surface, template, tick)
-    tick()
+    on_face = partial(_on_face, surface, template, check_cancelled)
+    check_cancelled()
     residual = maps.residual_map(reconstruction.photometric)
     if residual is None and texture is not None:
         residual = np.asarray(texture.residual, float)
@@ -257,7 +268,7 @@ def _map_picture(values: npt.NDArray, name: str) -> npt.NDArray[np.uint8]:
 def _on_face(
     surface: Any,
     template: Any,
-    tick: Tick,
+    check_cancelled: CheckCancelled,
     values: npt.NDArray,
     low: float,
     high: float,
@@ -266,5 +277,10 @@ def _on_face(
     """A map drawn on the face, three views."""
     colours = colour_map(values, low, high, name)
     return render_views(
-        surface, template, height=300, colours=colours, shading=0.35, tick=tick
+        surface,
+        template,
+        height=300,
+        colours=colours,
+        shading=0.35,
+        check_cancelled=check_cancelled,
     )

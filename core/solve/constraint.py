@@ -30,7 +30,7 @@ ROUNDS = 30
 
 
 @dataclass(frozen=True)
-class Held:
+class Constraint:
     """Control points of the template that a run has to keep.
 
     Attributes
@@ -114,7 +114,7 @@ def hold(
     Q = bending_matrix(shape) + smooth_length**-4 * mass_matrix(shape)
     middle = basis_matrix(shape, [0.5], [0.5]).toarray()[0]
     variance = middle @ splu(sparse.csc_array(Q)).solve(middle)
-    weight = Held(held, softness_mm).weight
+    weight = Constraint(held, softness_mm).weight
     r = (np.asarray(target, float) - surface.control_points).reshape(-1, 3)
     A = Q * (variance / smooth_mm**2) + sparse.diags_array(weight)
     d = splu(sparse.csc_array(A)).solve(weight[:, None] * r)
@@ -122,7 +122,7 @@ def hold(
 
 
 def expression_of(
-    surface: BSplineSurface, calm: BSplineSurface, template: Template
+    surface: BSplineSurface, neutral: BSplineSurface, template: Template
 ) -> Array:
     """What of the way from a calm face to another fit of it is expression.
 
@@ -142,22 +142,22 @@ def expression_of(
     Returns
     -------
     (M, N, 3) array
-        Displacement of the control points of ``calm``.
+        Displacement of the control points of ``neutral``.
     """
-    if surface.shape != calm.shape:
+    if surface.shape != neutral.shape:
         raise ValueError(
-            f"the nets must have the same size, got {surface.shape} and {calm.shape}"
+            f"the nets must have the same size, got {surface.shape} and {neutral.shape}"
         )
-    source, target = surface.vector, calm.vector
+    source, target = surface.vector, neutral.vector
     place = fit_similarity(source, target)
     for _ in range(ROUNDS):
         away = np.linalg.norm(place(source) - target, axis=1)
         # From the median down to the final width, or a far start never settles.
         width = max(STILL_MM, float(np.median(away)))
         place = fit_similarity(source, target, 1 / (1 + (away / width) ** 2))
-    variance = _expression_variance(template, calm.shape)
+    variance = _expression_variance(template, neutral.shape)
     share = variance / (variance + DRIFT_MM**2)
-    return share[..., None] * (place(source) - target).reshape(*calm.shape, 3)
+    return share[..., None] * (place(source) - target).reshape(*neutral.shape, 3)
 
 
 def _expression_variance(template: Template, shape: tuple[int, int]) -> Array:

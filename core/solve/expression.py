@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.template import Template
-from .motion import Bundle, Observations
+from .motion import Bundle, LandmarkObservations
 
 Array = NDArray[np.float64]
 
@@ -27,8 +27,8 @@ CALM_SHARE = 0.25
 TRUSTED_MM = 1.5  #: deformation at which a photo counts half
 
 
-def settle_expressions(
-    bundle: Bundle, template: Template, seen: Observations
+def select_neutral(
+    bundle: Bundle, template: Template, seen: LandmarkObservations
 ) -> tuple[Bundle, Array]:
     """Decide on rigid or mixed expressions.
 
@@ -51,14 +51,16 @@ def settle_expressions(
     if n < 3 or k == 0:
         return replace(bundle, expressions=np.zeros_like(e)), np.ones(n)
     modes = template.expression_modes[:k].reshape(k, -1, 3)
-    moves = expression_moves(template, seen, k)
-    gram = np.einsum("lxj,lxk->jk", moves, moves) / len(moves)
+    expression_offsets = landmark_expression_offsets(template, seen, k)
+    gram = np.einsum("lxj,lxk->jk", expression_offsets, expression_offsets) / len(
+        expression_offsets
+    )
     size = lambda x: np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", x, gram, x), 0))  # noqa: E731
     if np.quantile(size(e - np.median(e, 0)), 0.9) < MIXED_MM:
         return replace(bundle, expressions=np.zeros_like(e)), np.ones(n)
     shared = bundle.modes[len(bundle.modes) - k :] * bundle.expression_scale
-    calm = np.argsort(size(e + shared))[: max(2, round(CALM_SHARE * n))]
-    rest = e[calm].mean(0)
+    neutral = np.argsort(size(e + shared))[: max(2, round(CALM_SHARE * n))]
+    rest = e[neutral].mean(0)
     away = e - rest
     change = np.einsum("k,kbx->bx", rest, modes)
     surface = BSplineSurface(
@@ -68,7 +70,7 @@ def settle_expressions(
     moved = replace(
         bundle,
         surface=surface,
-        structure=bundle.structure + moves @ rest,
+        structure=bundle.structure + expression_offsets @ rest,
         expressions=away,
     )
     if bundle.expression_scale > 0:
@@ -78,7 +80,9 @@ def settle_expressions(
     return moved, weights
 
 
-def expression_moves(template: Template, seen: Observations, count: int) -> Array:
+def landmark_expression_offsets(
+    template: Template, seen: LandmarkObservations, count: int
+) -> Array:
     """Displacement of each landmark by the first expression modes, (f, 3, count)."""
     T = basis_matrix(template.surface.shape, *template.landmark_uv[seen.index].T)
     modes = template.expression_modes[:count].reshape(count, T.shape[1], 3)

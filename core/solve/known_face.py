@@ -20,7 +20,7 @@ from ..errors import PhotoFailure
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.template import Template
 from .alignment import relative_size
-from .motion import BundleOptions, Observations
+from .motion import LandmarkObservations, MotionOptions
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class KnownFace:
     index: NDArray[np.int64]
     marks: Array
     normals: Array
-    moves: Array
+    expression_offsets: Array
     modes: Array
     sigma: Array
 
@@ -85,12 +85,12 @@ class Pose:
     rounds: int
 
 
-def know(
+def personalise_landmarks(
     surface: BSplineSurface,
     template: Template,
     cameras: Sequence[Camera] = (),
-    seen: Observations | None = None,
-    options: BundleOptions = BundleOptions(),  # noqa: B008 (frozen)
+    seen: LandmarkObservations | None = None,
+    options: MotionOptions = MotionOptions(),  # noqa: B008 (frozen)
     expressions: Array | None = None,
 ) -> KnownFace:
     """Make a face ready to be found again.
@@ -118,7 +118,7 @@ def know(
     marks = T @ surface.vector + size * raised
     normals = surface.normals(*uv.T)
     modes = options.expression * size * template.expression_modes
-    moves = [T @ mode.reshape(-1, 3) for mode in modes]
+    expression_offsets = [T @ mode.reshape(-1, 3) for mode in modes]
     if seen is not None and len(cameras):
         offset = size * options.offset_mm
         away = np.zeros((len(cameras), *marks.shape))
@@ -132,18 +132,20 @@ def know(
         index,
         marks,
         normals,
-        np.stack(moves, -1) if len(moves) else np.zeros((len(index), 3, 0)),
+        np.stack(expression_offsets, -1)
+        if len(expression_offsets)
+        else np.zeros((len(index), 3, 0)),
         modes,
         sigma,
     )
 
 
-def find_again(
+def estimate_pose_expression(
     known: KnownFace,
     pixels: Array,
     weight: Array,
     principal: Sequence[float],
-    options: BundleOptions = BundleOptions(),  # noqa: B008 (frozen)
+    options: MotionOptions = MotionOptions(),  # noqa: B008 (frozen)
     name: str = "photo",
 ) -> Pose | PhotoFailure:
     """Camera and expression of one photo of a known face.
@@ -167,7 +169,7 @@ def find_again(
     perspective = np.isfinite(options.distance_mm)
     kappa = 1 / options.distance_mm if perspective else 0.0
     camera = Camera(start.R, start.s, start.t, kappa, start.principal)
-    k = known.moves.shape[2]
+    k = known.expression_offsets.shape[2]
     e = np.zeros(k)
     hold = np.full(PARAMETERS + k, 1e-9)
     hold[6] = 1 / options.distance_spread**2
@@ -175,7 +177,7 @@ def find_again(
     residual, rounds = np.zeros(len(pixels)), 0
     while rounds < ROUNDS:
         rounds += 1
-        Q = known.marks + known.moves @ e
+        Q = known.marks + known.expression_offsets @ e
         A, b, residual = normal_equations(
             known, camera, Q, pixels, weight, options.robust
         )
@@ -213,7 +215,7 @@ def normal_equations(
     size = np.sqrt((r**2).sum(1))
     w = weight * _facing(camera, Q, known.normals) / known.sigma**2
     w = w / (1 + (size / (robust * known.sigma)) ** 2)
-    own = np.concatenate([C, J @ known.moves], 2)
+    own = np.concatenate([C, J @ known.expression_offsets], 2)
     A = np.einsum("lxa,l,lxb->ab", own, w, own)
     return A, np.einsum("lxa,l,lx->a", own, w, r), size
 

@@ -20,7 +20,7 @@ from ..photometry import harmonics
 from ..photometry.sampling import smooth_photo, view_weights
 from ..surface.bspline import basis_matrix
 from .known_face import KnownFace, Pose, normal_equations
-from .motion import BundleOptions
+from .motion import MotionOptions
 
 Array = NDArray[np.float64]
 
@@ -58,27 +58,29 @@ class Skin:
     uv: Array
     albedo: Array
     T: Sequence
-    moves: Array
+    expression_offsets: Array
 
 
 def skin(known: KnownFace, uv: Array, albedo: Array) -> Skin:
-    """Points of a known face with their albedo, ready for `find_by_shading`."""
+    """Points of a known face with their albedo, ready for `refine_pose_expression`."""
     shape = known.surface.shape
     u, v = uv.T
     T = [basis_matrix(shape, u, v, *k) for k in ((0, 0), (1, 0), (0, 1))]
-    moves = [T[0] @ mode.reshape(-1, 3) for mode in known.modes]
+    expression_offsets = [T[0] @ mode.reshape(-1, 3) for mode in known.modes]
     empty = np.zeros((len(uv), 3, 0))
-    return Skin(uv, albedo, T, np.stack(moves, -1) if moves else empty)
+    return Skin(
+        uv, albedo, T, np.stack(expression_offsets, -1) if expression_offsets else empty
+    )
 
 
-def find_by_shading(
+def refine_pose_expression(
     known: KnownFace,
     at: Skin,
     start: Pose,
     photo: Photo,
     pixels: Array,
     weight: Array,
-    prior: BundleOptions = BundleOptions(),  # noqa: B008 (frozen)
+    prior: MotionOptions = MotionOptions(),  # noqa: B008 (frozen)
     options: ShadingOptions = ShadingOptions(),  # noqa: B008 (frozen)
 ) -> Pose:
     """Improve a pose by what the photo shows.
@@ -128,14 +130,14 @@ def find_by_shading(
             rows = np.concatenate(
                 [
                     np.einsum("px,pxa->pa", slope, C),
-                    np.einsum("px,pxy,pyk->pk", slope, J, at.moves),
+                    np.einsum("px,pxy,pyk->pk", slope, J, at.expression_offsets),
                     -Y,
                 ],
                 1,
             )
             A = rows.T @ (w[:, None] * rows)
             b = -rows.T @ (w * r)
-            marks = known.marks + known.moves @ e
+            marks = known.marks + known.expression_offsets @ e
             own, right, _ = normal_equations(
                 known, camera, marks, pixels, weight, prior.robust
             )
@@ -161,7 +163,7 @@ def find_by_shading(
             e = e + step[PARAMETERS:m]
             light = light + step[m:]
             rounds += 1
-    marks = known.marks + known.moves @ e
+    marks = known.marks + known.expression_offsets @ e
     away = np.linalg.norm(camera.project(marks) - pixels, axis=1)[weight > 0]
     residual = float(np.median(away)) / camera.s if len(away) else 0.0
     return replace(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from ..camera.camera import PARAMETERS, Camera
-from ..progress import Tick, no_tick
+from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.prior import ShapePrior
 from ..surface.template import Template
@@ -29,7 +29,7 @@ _TURN_SIZE_DISTANCE = [0, 1, 2, 3, 6]
 
 
 @dataclass(frozen=True)
-class Observations:
+class LandmarkObservations:
     """Landmarks of all photos on the template's numbering.
 
     Attributes
@@ -49,7 +49,7 @@ class Observations:
 
 
 @dataclass(frozen=True)
-class BundleOptions:
+class MotionOptions:
     """Standard deviations of the bundle adjustment."""
 
     offset_mm: float = 1.2  #: landmark offset between faces
@@ -64,7 +64,7 @@ class BundleOptions:
 
 @dataclass(frozen=True)
 class Bundle:
-    """Result of `adjust`.
+    """Result of `estimate_motion`.
 
     Attributes
     ----------
@@ -101,17 +101,17 @@ class Bundle:
     history: tuple[float, ...]
 
 
-def adjust(
+def estimate_motion(
     template: Template,
     prior: ShapePrior,
-    seen: Observations,
+    seen: LandmarkObservations,
     cameras: Sequence[Camera],
-    options: BundleOptions = BundleOptions(),  # noqa: B008 (frozen)
-    tick: Tick = no_tick,
+    options: MotionOptions = MotionOptions(),  # noqa: B008 (frozen)
+    check_cancelled: CheckCancelled = never_cancelled,
 ) -> Bundle:
     """Cameras, landmark structure, expressions and the surface that follows them.
 
-    ``tick`` is called once a photo in every iteration.
+    ``check_cancelled`` is called once a photo in every iteration.
     """
     f, n = len(seen.index), len(cameras)
     uv = template.landmark_uv[seen.index]
@@ -137,7 +137,7 @@ def adjust(
         blocks = []
         residual, weight = np.zeros((n, f)), np.zeros((n, f))
         for i, camera in enumerate(cameras):
-            tick()
+            check_cancelled()
             Q = start + m + E @ e[i]
             p, J, C = camera.jacobians(Q)
             r = (seen.pixels[i] - p) / camera.s
@@ -209,7 +209,7 @@ def _expression_basis(template: Template, uv: Array, scale: float) -> Array:
     return np.stack(moved, -1) if count else np.zeros((len(uv), 3, 0))
 
 
-def _camera_prior(options: BundleOptions, modes: int) -> Array:
+def _camera_prior(options: MotionOptions, modes: int) -> Array:
     """Prior precision of the parameters of one photo."""
     p = np.zeros(PARAMETERS + modes)
     p[:PARAMETERS] = 1e-9

@@ -30,7 +30,7 @@ import numpy.typing as npt
 from ..drawing.pictures import write_png
 from ..errors import ReconstructionError
 from ..images.colour import to_picture
-from ..progress import Tick
+from ..progress import CheckCancelled
 from .blend import (
     COARSE,
     choose_where_disagreeing,
@@ -45,11 +45,11 @@ from .light import PhotoLights, estimate_lights, light_maps
 from .views import (
     View,
     faces_of,
-    look,
     prefiltered,
     resized,
     sample,
     surface_maps,
+    view_photo,
 )
 
 Picture = npt.NDArray[np.float32]
@@ -126,7 +126,7 @@ def bake_texture(
     faces = faces_of(reconstruction)
     seen = zip(faces, photos, cameras, strict=True)
     seen = _telling(seen, tell, 0.0, 0.12, len(photos))
-    views = [look(f, surface_maps(f, COARSE), p, c) for f, p, c in seen]
+    views = [view_photo(f, surface_maps(f, COARSE), p, c) for f, p, c in seen]
     size = size or natural_size(views)
     pairs = _telling(zip(photos, views, strict=True), tell, 0.12, 0.15, len(photos))
     sources = [prefiltered(photo, view, size) for photo, view in pairs]
@@ -142,8 +142,8 @@ def bake_texture(
     coarse /= shading
     # Dark places of a photo tell less about the skin.
     weight = weight * np.clip(shading.mean(axis=3), 0, 2) ** 2
-    calm = _calmness(reconstruction)
-    weight = weight * calm[:, None, None]
+    neutral = _calmness(reconstruction)
+    weight = weight * neutral[:, None, None]
     tell(0.24)
     base, agreement = consensus(coarse, weight, lambda: tell(0.24))
     tell(0.27)
@@ -152,9 +152,9 @@ def bake_texture(
     average = weight
     # The weights know the expression; it matters for the mouth, hardly for the eyes.
     front = _frontality(cameras)
-    mouth = front * calm * _closed_mouth(reconstruction)
+    mouth = front * neutral * _closed_mouth(reconstruction)
     weight = choose_where_disagreeing(
-        weight, agreement, coarse, base, front / calm, mouth
+        weight, agreement, coarse, base, front / neutral, mouth
     )
     total = np.maximum(weight.sum(axis=0), 1e-12)[..., None]
     base = fill((weight[..., None] * coarse).sum(axis=0) / total, measured)
@@ -166,8 +166,10 @@ def bake_texture(
     for start in range(0, size, _TILE):
         rows = slice(start, min(start + _TILE, size))
         tell(0.3 + 0.65 * start / size)
-        tick = partial(tell, 0.3 + 0.65 * start / size)
-        fine = fine_band(sources, views, shading, own, weight, size, rows, tick)
+        check_cancelled = partial(tell, 0.3 + 0.65 * start / size)
+        fine = fine_band(
+            sources, views, shading, own, weight, size, rows, check_cancelled
+        )
         fine *= np.clip(resized(inner, size, rows), 0, 1)[..., None]
         albedo[rows] = resized(smooth, size, rows) + fine
     tell(0.95)
@@ -244,7 +246,11 @@ def _telling(
 
 
 def _lights(
-    basis: Picture, front: npt.NDArray, coarse: Picture, weight: Picture, tick: Tick
+    basis: Picture,
+    front: npt.NDArray,
+    coarse: Picture,
+    weight: Picture,
+    check_cancelled: CheckCancelled,
 ) -> PhotoLights:
     step = COARSE // _LIGHT
     part = slice(step // 2, None, step)
@@ -254,7 +260,7 @@ def _lights(
         weight[:, part, part].reshape(n, -1).astype(float),
         basis[part, part].reshape(-1, basis.shape[2]).astype(float),
         front,
-        tick=tick,
+        check_cancelled=check_cancelled,
     )
     return lights
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ..progress import Tick, no_tick
+from ..progress import CheckCancelled, never_cancelled
 from .views import View, resized, sample
 
 Picture = npt.NDArray[np.float32]
@@ -55,7 +55,7 @@ def inner_part(measured: npt.NDArray[np.bool_]) -> Picture:
 
 
 def consensus(
-    delit: Picture, weight: Picture, tick: Tick = no_tick
+    delit: Picture, weight: Picture, check_cancelled: CheckCancelled = never_cancelled
 ) -> tuple[Picture, Picture]:
     """Robust mean over photos, and how far each photo agrees with it.
 
@@ -67,10 +67,10 @@ def consensus(
     base : (S, S, 3) array
     agreement : (n, S, S) array in (0, 1]
     """
-    base = _weighted_median(delit, weight, tick)
+    base = _weighted_median(delit, weight, check_cancelled)
     agreement = np.ones_like(weight)
     for _ in range(4):
-        tick()
+        check_cancelled()
         level = np.maximum(base.mean(axis=2), 1e-4)[..., None]
         square = (((delit - base) / level) ** 2).mean(axis=3)
         agreement = 1 / (1 + square / _SCALE**2)
@@ -82,11 +82,13 @@ def consensus(
     return base.astype(np.float32), agreement.astype(np.float32)
 
 
-def _weighted_median(values: Picture, weight: Picture, tick: Tick) -> Picture:
+def _weighted_median(
+    values: Picture, weight: Picture, check_cancelled: CheckCancelled
+) -> Picture:
     """Over the first axis; (n, S, S, 3) and (n, S, S) to (S, S, 3)."""
     result = np.empty(values.shape[1:], np.float32)
     for row in range(values.shape[1]):
-        tick()
+        check_cancelled()
         part = values[:, row]
         order = np.argsort(part, axis=0)
         share = np.take_along_axis(
@@ -171,14 +173,14 @@ def fine_band(
     weight: Picture,
     size: int,
     rows: slice,
-    tick: Tick = no_tick,
+    check_cancelled: CheckCancelled = never_cancelled,
 ) -> Picture:
     """Detail finer than the coarse band, for some rows of the texture."""
     detail, trust = [], []
     # Only photos of some weight: the rest cannot matter, and costs time.
     strongest = resized(weight.max(axis=0), size, rows)
     for i, view in enumerate(views):
-        tick()
+        check_cancelled()
         w = np.maximum(resized(weight[i], size, rows), 0)
         w = np.where(w > 0.1 * strongest, w, 0)
         if not w.any():
@@ -193,7 +195,7 @@ def fine_band(
     mean = np.zeros(stack.shape[1:], np.float32)
     robust = weights
     for _ in range(3):
-        tick()
+        check_cancelled()
         total = np.maximum(robust.sum(axis=0), 1e-12)[..., None]
         mean = (robust[..., None] * stack).sum(axis=0) / total
         square = ((stack - mean) ** 2).mean(axis=3)

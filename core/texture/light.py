@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..photometry.transfer import sky
-from ..progress import Tick, no_tick
+from ..photometry.transfer import radiance_transfer
+from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface
 from .views import resized, texel_centres
 
@@ -81,7 +81,7 @@ def light_maps(surface: BSplineSurface, size: int) -> tuple[Picture, Array]:
     """
     at = texel_centres(_SKY)
     v, u = np.meshgrid(at, at, indexing="ij")
-    over = sky(surface, np.stack([u.ravel(), v.ravel()], axis=1), DEGREE)
+    over = radiance_transfer(surface, np.stack([u.ravel(), v.ravel()], axis=1), DEGREE)
     basis = over.basis(surface.normals(u.ravel(), v.ravel())).reshape(_SKY, _SKY, -1)
     # the picture functions take four channels at a time
     parts = [
@@ -98,7 +98,7 @@ def estimate_lights(
     basis: Array,
     front: Array,
     iterations: int = 6,
-    tick: Tick = no_tick,
+    check_cancelled: CheckCancelled = never_cancelled,
 ) -> tuple[PhotoLights, Array]:
     """Lights of all photos and the albedo of the sample points.
 
@@ -130,7 +130,7 @@ def estimate_lights(
     lights = np.zeros((n, basis.shape[1], 3))
     for step in range(iterations):
         for i in range(n):
-            tick()
+            check_cancelled()
             for c in range(3):
                 lights[i, :, c] = _fit_light(
                     intensity[i, :, c], albedo[:, c], weight[i], basis

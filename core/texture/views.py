@@ -99,7 +99,7 @@ def _dense_basis(count: int, x: Array, order: int) -> Array:
     return dense
 
 
-def look(
+def view_photo(
     surface: BSplineSurface, maps: SurfaceMaps, photo: Photo, camera: Camera
 ) -> View:
     """Where and how well a photo sees each texel.
@@ -220,21 +220,23 @@ def _extended(picture: Picture) -> Picture:
 
 def faces_of(reconstruction: Any) -> list[BSplineSurface]:
     """The face as it is in each used photo, with the expression that it has there."""
-    calm = reconstruction.surface
+    neutral = reconstruction.surface
     found = getattr(reconstruction, "expressions", None)
     if found is None or not np.any(found):
-        return [calm] * len(reconstruction.photos)
+        return [neutral] * len(reconstruction.photos)
     template = reconstruction.template
-    size = relative_size(calm, template)
+    size = relative_size(neutral, template)
     modes = size * template.expression_modes[: found.shape[1]]
-    moves = np.einsum("ik,kuvx->iuvx", found, modes)
-    return [BSplineSurface(calm.control_points + move) for move in moves]
-
-
-def look_all(reconstruction: Any, size: int) -> list[View]:
-    """`look` for every photo, each on the face with its own expression."""
+    expression_offsets = np.einsum("ik,kuvx->iuvx", found, modes)
     return [
-        look(face, surface_maps(face, size), photo, camera)
+        BSplineSurface(neutral.control_points + move) for move in expression_offsets
+    ]
+
+
+def view_photos(reconstruction: Any, size: int) -> list[View]:
+    """`view_photo` for every photo, each on the face with its own expression."""
+    return [
+        view_photo(face, surface_maps(face, size), photo, camera)
         for face, photo, camera in zip(
             faces_of(reconstruction),
             reconstruction.photos,

@@ -14,7 +14,7 @@ pipeline = load("bsface_addon.pipeline")
 landmark_operators = load("bsface_addon.operators.landmarks")
 core_landmarks = load("core.landmarks.landmarks")
 PhotoFailure = load("core.errors").PhotoFailure
-Gathered = load("core.prepare").Gathered
+PhotoCollection = load("core.prepare").PhotoCollection
 
 
 def some(name, scheme="68", count=68):
@@ -45,7 +45,7 @@ def test_detection_fills_the_rows_and_keeps_hand_work(rows, monkeypatch):
     def detect(request, progress=None):
         asked.append(request)
         failure = PhotoFailure("2.png", "no_face", "No face was found in 2.png.")
-        return Gathered((), (some("0.png"), some("1.png")), (failure,))
+        return PhotoCollection((), (some("0.png"), some("1.png")), (failure,))
 
     monkeypatch.setattr(
         landmark_operators.BSFACE_OT_landmarks_detect, "solve", staticmethod(detect)

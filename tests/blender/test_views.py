@@ -163,8 +163,10 @@ def mixed(addon, tmp_path):
         faces.reconstruction(tmp_path / "photos"), expressions=mixtures
     )
     face = scene.place(bpy.context, result, "Ann")
-    know = load("core.solve.known_face").know
-    known = know(result.surface, template.resampled(result.surface.shape))
+    personalise_landmarks = load("core.solve.known_face").personalise_landmarks
+    known = personalise_landmarks(
+        result.surface, template.resampled(result.surface.shape)
+    )
     return face, [known.with_expression(e) for e in mixtures]
 
 
@@ -177,21 +179,21 @@ def drawn(face, steps):
 
 def test_a_photo_shows_its_own_expression_and_the_calm_face_comes_back(mixed):
     face, surfaces = mixed
-    calm = surface_object.read(face)
+    neutral = surface_object.read(face)
     for name, surface in zip(("0.png", "1.png", "2.png"), surfaces, strict=True):
         bpy.ops.bsface.view_photo(direction="NAMED", photo=name)
         m, n = surface_object.shape(face)
         expected = surface.grid(2 * m, 2 * n).reshape(-1, 3)
         np.testing.assert_allclose(drawn(face, 2), expected, atol=1e-3)
-        np.testing.assert_array_equal(surface_object.read(face), calm)
+        np.testing.assert_array_equal(surface_object.read(face), neutral)
     bpy.ops.bsface.view_leave()
     assert face.data.shape_keys is None
-    np.testing.assert_array_equal(surface_object.read(face), calm)
+    np.testing.assert_array_equal(surface_object.read(face), neutral)
 
 
 def test_the_net_can_be_edited_through_a_camera(mixed):
     face, _ = mixed
-    calm = surface_object.read(face)
+    neutral = surface_object.read(face)
     bpy.ops.bsface.view_photo(direction="NAMED", photo="2.png")
     bpy.ops.bsface.surface_net()
     bpy.ops.curve.select_all(action="SELECT")
@@ -201,8 +203,8 @@ def test_the_net_can_be_edited_through_a_camera(mixed):
     bpy.ops.bsface.view_leave()
     bpy.ops.bsface.surface_net()
     # Blender's z is the face's y; the photo's key is off, what was edited stays.
-    moved = surface_object.read(face) - calm
-    np.testing.assert_allclose(moved, np.full_like(calm, (0, 4, 0)), atol=1e-3)
+    moved = surface_object.read(face) - neutral
+    np.testing.assert_allclose(moved, np.full_like(neutral, (0, 4, 0)), atol=1e-3)
     assert face.data.shape_keys.key_blocks[photo_expression.KEY].value == 0
     bpy.ops.bsface.surface_resample(control_points_u=12, control_points_v=12)
     assert face.data.shape_keys is None

@@ -8,7 +8,7 @@ import pytest
 from bsface.camera.camera import Camera
 from bsface.camera.linear_pose import linear_pose
 from bsface.solve.alignment import fit_similarity
-from bsface.solve.motion import BundleOptions, Observations, adjust
+from bsface.solve.motion import LandmarkObservations, MotionOptions, estimate_motion
 from bsface.surface.bspline import basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 SHAPE = (12, 13)
-RIGID = BundleOptions(expression=0.0, noise_mm=0.05, offset_mm=0.3, iterations=40)
+RIGID = MotionOptions(expression=0.0, noise_mm=0.05, offset_mm=0.3, iterations=40)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def observe(Q, cameras, index, noise=0.0, seed=2):
     rng = np.random.default_rng(seed)
     pixels = np.stack([c.project(Q) for c in cameras])
     pixels = pixels + noise * rng.normal(size=pixels.shape)
-    return Observations(pixels, np.ones(pixels.shape[:2]), index)
+    return LandmarkObservations(pixels, np.ones(pixels.shape[:2]), index)
 
 
 def start(template, seen, kappa=1 / 1200):
@@ -86,7 +86,7 @@ def test_template_itself_is_found_at_once(template, prior, index):
     """Landmarks of the template: no displacement, and the cameras come back."""
     Q, cameras = template.landmark_xyz[index], true_cameras()
     seen = observe(Q, cameras, index)
-    found = adjust(template, prior, seen, start(template, seen), RIGID)
+    found = estimate_motion(template, prior, seen, start(template, seen), RIGID)
     assert structure_error(found, Q).max() < 0.1
     full = found.weight > 0.5 * found.weight.max()
     assert found.residual[full].max() < 0.1
@@ -100,7 +100,7 @@ def test_person_is_recovered_up_to_a_similarity(template, prior, index):
     before = Q - template.landmark_xyz[index]
     assert np.linalg.norm(before, axis=1).mean() > 2
     seen = observe(Q, true_cameras(), index)
-    found = adjust(template, prior, seen, start(template, seen), RIGID)
+    found = estimate_motion(template, prior, seen, start(template, seen), RIGID)
     reprojection = found.residual[found.weight > 0]
     assert np.median(reprojection) < 0.05
     assert (
@@ -112,7 +112,7 @@ def test_surface_follows_the_landmarks(template, prior, index):
     """The surface is the template moved by the two parts, and like the person's."""
     b, Q = person(template, prior, index)
     seen = observe(Q, true_cameras(), index)
-    found = adjust(template, prior, seen, start(template, seen), RIGID)
+    found = estimate_motion(template, prior, seen, start(template, seen), RIGID)
     d = np.einsum("k,kbx->bx", found.modes, prior.modes) + found.smooth
     np.testing.assert_allclose(found.surface.vector, template.surface.vector + d)
     move = fit_similarity(found.structure, Q)
@@ -131,13 +131,15 @@ def test_perspective_of_one_camera_does_not_shape_the_face(template, prior, inde
         seen = observe(Q, cameras, index)
         # the prior of the distance is told the truth: it is not what is tested
         options = replace(RIGID, distance_mm=400.0)
-        found = adjust(template, prior, seen, start(template, seen, kappa), options)
+        found = estimate_motion(
+            template, prior, seen, start(template, seen, kappa), options
+        )
         assert structure_error(found, Q).mean() < 0.5
 
 
 def test_scaled_orthography_stays_that(template, prior, index):
     seen = observe(template.landmark_xyz[index], true_cameras(kappa=False), index)
-    found = adjust(template, prior, seen, start(template, seen, 0.0), RIGID)
+    found = estimate_motion(template, prior, seen, start(template, seen, 0.0), RIGID)
     assert all(camera.kappa == 0 for camera in found.cameras)
 
 
@@ -145,10 +147,10 @@ def test_wrong_landmarks_are_outvoted(template, prior, index):
     _, Q = person(template, prior, index)
     seen = observe(Q, true_cameras(), index, noise=0.3)
     options = replace(RIGID, noise_mm=0.5)
-    clean = adjust(template, prior, seen, start(template, seen), options)
+    clean = estimate_motion(template, prior, seen, start(template, seen), options)
     bad = np.random.default_rng(4).random(seen.weight.shape) < 0.08
     spoilt = replace(seen, pixels=seen.pixels + 25.0 * bad[..., None])
-    found = adjust(template, prior, spoilt, start(template, spoilt), options)
+    found = estimate_motion(template, prior, spoilt, start(template, spoilt), options)
     assert structure_error(found, Q).mean() < 2 * structure_error(clean, Q).mean() + 0.1
     assert np.median(found.weight[bad]) < 0.1 * np.median(found.weight[~bad])
 
@@ -161,8 +163,13 @@ def test_unseen_landmarks_count_nothing(template, prior, index):
     weight[2, 1::3] = 0
     garbage = np.where(weight[..., None] > 0, seen.pixels, 1e4)
     one, two = (
-        adjust(template, prior, s, start(template, replace(seen, weight=weight)), RIGID)
-        for s in (replace(seen, weight=weight), Observations(garbage, weight, index))
+        estimate_motion(
+            template, prior, s, start(template, replace(seen, weight=weight)), RIGID
+        )
+        for s in (
+            replace(seen, weight=weight),
+            LandmarkObservations(garbage, weight, index),
+        )
     )
     np.testing.assert_allclose(one.surface.vector, two.surface.vector, atol=1e-9)
     assert (one.weight[weight == 0] == 0).all()
@@ -173,10 +180,10 @@ def test_order_of_the_photos_does_not_matter(template, prior, index):
     seen = observe(Q, true_cameras(), index, noise=0.5)
     cameras = start(template, seen)
     order = np.random.default_rng(5).permutation(len(cameras))
-    mixed = Observations(seen.pixels[order], seen.weight[order], index)
+    mixed = LandmarkObservations(seen.pixels[order], seen.weight[order], index)
     options = replace(RIGID, noise_mm=1.0)
-    one = adjust(template, prior, seen, cameras, options)
-    two = adjust(template, prior, mixed, [cameras[k] for k in order], options)
+    one = estimate_motion(template, prior, seen, cameras, options)
+    two = estimate_motion(template, prior, mixed, [cameras[k] for k in order], options)
     np.testing.assert_allclose(one.surface.vector, two.surface.vector, atol=1e-6)
     np.testing.assert_allclose(one.residual[order], two.residual, atol=1e-6)
 
@@ -186,12 +193,12 @@ def test_size_of_the_photos_does_not_matter(template, prior, index):
     seen = observe(Q, true_cameras(), index, noise=0.5)
     half = replace(seen, pixels=seen.pixels / 2)
     options = replace(RIGID, noise_mm=1.0)
-    one = adjust(template, prior, seen, start(template, seen), options)
+    one = estimate_motion(template, prior, seen, start(template, seen), options)
     cameras = [
         replace(c, s=c.s / 2, t=c.t / 2, principal=c.principal / 2)
         for c in start(template, seen)
     ]
-    two = adjust(template, prior, half, cameras, options)
+    two = estimate_motion(template, prior, half, cameras, options)
     np.testing.assert_allclose(one.surface.vector, two.surface.vector, atol=1e-6)
 
 
@@ -205,9 +212,9 @@ def test_expressions_of_single_photos_do_not_shape_the_face(template, prior, ind
     pixels = np.stack(
         [c.project(Q + smile * (i in (3, 6))) for i, c in enumerate(cameras)]
     )
-    seen = Observations(pixels, np.ones(pixels.shape[:2]), index)
+    seen = LandmarkObservations(pixels, np.ones(pixels.shape[:2]), index)
     options = replace(RIGID, expression=1.0)
-    found = adjust(template, prior, seen, start(template, seen), options)
+    found = estimate_motion(template, prior, seen, start(template, seen), options)
     e = found.expressions[:, 0]
     assert e.shape == (10,)
     others = np.delete(e, [3, 6])
@@ -220,7 +227,7 @@ def test_few_photos_stay_plausible(template, prior, index, count):
     """What the photos do not tell comes from the prior: finite and face-sized."""
     _, Q = person(template, prior, index)
     seen = observe(Q, true_cameras(10)[4 : 4 + count], index, noise=1.0)
-    found = adjust(
+    found = estimate_motion(
         template, prior, seen, start(template, seen), replace(RIGID, noise_mm=1.0)
     )
     assert np.isfinite(found.surface.vector).all()
@@ -233,7 +240,7 @@ def test_few_photos_stay_plausible(template, prior, index, count):
 def test_residual_falls(template, prior, index):
     _, Q = person(template, prior, index)
     seen = observe(Q, true_cameras(), index)
-    found = adjust(template, prior, seen, start(template, seen), RIGID)
+    found = estimate_motion(template, prior, seen, start(template, seen), RIGID)
     assert found.history[-1] < 0.1 * found.history[0]
     assert np.diff(found.history).max() < 0.05 * found.history[0]
 
@@ -263,7 +270,7 @@ def test_any_landmarks_end_finite(
         pixels[..., 1] = 250.0
     weight = rng.random(seen.weight.shape) * (rng.random(seen.weight.shape) < known)
     options = replace(RIGID, expression=1.0, noise_mm=1.0, iterations=15)
-    found = adjust(template, prior, replace(seen, pixels=pixels, weight=weight),
+    found = estimate_motion(template, prior, replace(seen, pixels=pixels, weight=weight),
                    [replace(c, kappa=1 / 1200) for c in cameras], options)  # fmt: skip
     assert np.isfinite(found.surface.vector).all()
     assert np.isfinite(found.structure).all() and np.isfinite(found.history).all()
@@ -280,7 +287,7 @@ def test_landmarks_on_a_line_end_finite(template, prior):
     assert len(Q) >= 6
     cameras = true_cameras(4)
     seen = observe(Q, cameras, index)
-    found = adjust(
+    found = estimate_motion(
         template, prior, seen, [replace(c, kappa=1 / 1200) for c in cameras], RIGID
     )
     assert np.isfinite(found.surface.vector).all()

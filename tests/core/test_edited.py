@@ -102,14 +102,14 @@ def test_the_same_face_in_another_place_has_no_expression(template):
 
 def test_an_expression_is_found_again_and_the_rest_stays(template):
     """Known expression, small similarity, and errors where no expression reaches."""
-    calm = template.surface
-    e = template.expression_modes[0].reshape(*calm.shape, 3)
+    neutral = template.surface
+    e = template.expression_modes[0].reshape(*neutral.shape, 3)
     e = e * (6 / np.linalg.norm(e, axis=2).max())
-    drift = np.zeros(calm.shape)
+    drift = np.zeros(neutral.shape)
     drift[:, 0] = 3.0  # hairline
-    face = type(calm)(calm.control_points + e + drift[..., None])
+    face = type(neutral)(neutral.control_points + e + drift[..., None])
     R = Rotation.from_euler("yxz", [3, -2, 1], degrees=True).as_matrix()
-    found = expression_of(face.transformed(0.99, R, [2, 1, -4]), calm, template)
+    found = expression_of(face.transformed(0.99, R, [2, 1, -4]), neutral, template)
     strong = np.linalg.norm(e, axis=2) > 3
     assert strong.sum() > 5
     strong[[0, -1]] = strong[:, [0, -1]] = False

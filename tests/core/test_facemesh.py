@@ -250,11 +250,11 @@ def test_sigma_grows_where_the_face_is_hidden(mesh, picture, reference):
 
 
 def test_search_can_be_cancelled(mesh):
-    def tick():
+    def check_cancelled():
         raise Cancelled
 
     with pytest.raises(Cancelled):
-        mesh.detect_faces(np.zeros((64, 64, 3), np.uint8), tick)
+        mesh.detect_faces(np.zeros((64, 64, 3), np.uint8), check_cancelled)
 
 
 # --- against the truth -------------------------------------------------------

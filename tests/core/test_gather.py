@@ -11,7 +11,7 @@ from bsface.errors import Cancelled, PhotoFailure, ReconstructionError
 from bsface.images.photo import list_photos, read_photo
 from bsface.landmarks.face_models import find_models
 from bsface.landmarks.landmarks import Landmarks, write_landmarks
-from bsface.prepare import gather
+from bsface.prepare import collect_photos
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 
@@ -55,8 +55,8 @@ def front_landmarks(scheme="68", centre=(200.0, 200.0), scale=1.2, name="a.png")
     return Landmarks(name, scheme, points, np.ones(len(points)), source="hand")
 
 
-def codes(gathered) -> dict[str, str]:
-    return {failure.name: failure.code for failure in gathered.failures}
+def codes(collection) -> dict[str, str]:
+    return {failure.name: failure.code for failure in collection.failures}
 
 
 # --- the good case -----------------------------------------------------------
@@ -66,7 +66,7 @@ def test_folder_to_cut_outs(models, folder):
     names = ["002.jpg", "000.jpg", "010.jpg"]
     for name in names:
         shutil.copy(PHOTOS / name, folder)
-    found = gather(folder)
+    found = collect_photos(folder)
     assert [photo.name for photo in found.photos] == sorted(names)
     assert found.failures == ()
     for photo, marks in zip(found.photos, found.landmarks, strict=True):
@@ -90,9 +90,9 @@ def test_folder_to_cut_outs(models, folder):
 def test_same_photos_as_folder_paths_and_arrays(models, picture, folder):
     save(folder / "a.png", picture)
     save(folder / "b.png", np.ascontiguousarray(picture[10:]))
-    as_folder = gather(folder)
-    as_paths = gather(list_photos(folder))
-    as_arrays = gather([picture, picture[10:]])
+    as_folder = collect_photos(folder)
+    as_paths = collect_photos(list_photos(folder))
+    as_arrays = collect_photos([picture, picture[10:]])
     for other in (as_paths, as_arrays):
         for a, b in zip(as_folder.landmarks, other.landmarks, strict=True):
             np.testing.assert_array_equal(a.points, b.points)
@@ -101,10 +101,13 @@ def test_same_photos_as_folder_paths_and_arrays(models, picture, folder):
 
 def test_large_photo_gives_a_small_cut_out(models, picture):
     large = cv2.resize(picture, (2400, 2400), interpolation=cv2.INTER_CUBIC)
-    (photo,) = gather([large]).photos
+    (photo,) = collect_photos([large]).photos
     assert max(photo.pixels.shape) <= 1024
     assert photo.size == (2400, 2400)
-    small, big = gather([picture]).landmarks[0], gather([large]).landmarks[0]
+    small, big = (
+        collect_photos([picture]).landmarks[0],
+        collect_photos([large]).landmarks[0],
+    )
     expected = (small.points + 0.5) * 6 - 0.5
     error = np.linalg.norm(big.points - expected, axis=1)
     assert np.sqrt((error**2).mean()) < 0.02 * np.ptp(expected[:, 0])
@@ -113,15 +116,15 @@ def test_large_photo_gives_a_small_cut_out(models, picture):
 def test_sixteen_bits_and_grey(models, picture):
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     deep = picture.astype(np.uint16) * 257
-    found = gather([grey, deep])
+    found = collect_photos([grey, deep])
     assert len(found.photos) == 2
     assert found.photos[1].pixels.dtype == np.uint16
 
 
 @pytest.mark.parametrize("scheme", ["68", "40"])
 def test_setting_selects_the_scheme(models, picture, scheme):
-    whole = gather([picture]).landmarks[0]
-    part = gather([picture], Settings(landmarks=scheme, detector=True))
+    whole = collect_photos([picture]).landmarks[0]
+    part = collect_photos([picture], Settings(landmarks=scheme, detector=True))
     assert part.landmarks[0].scheme == scheme
     np.testing.assert_array_equal(
         part.landmarks[0].points, whole.points[TEMPLATE.schemes[scheme]]
@@ -129,8 +132,8 @@ def test_setting_selects_the_scheme(models, picture, scheme):
 
 
 def test_turned_photo_has_landmarks_of_the_turned_picture(models, picture):
-    upright = gather([picture]).landmarks[0].points
-    turned = gather([np.rot90(picture, -1)]).landmarks[0].points
+    upright = collect_photos([picture]).landmarks[0].points
+    turned = collect_photos([np.rot90(picture, -1)]).landmarks[0].points
     expected = np.column_stack([399 - upright[:, 1], upright[:, 0]])
     error = np.linalg.norm(turned - expected, axis=1)
     assert np.sqrt((error**2).mean()) < 2
@@ -144,7 +147,7 @@ def test_landmark_file_wins_and_needs_no_models(folder, picture, monkeypatch, tm
     save(folder / "a.png", picture)
     marks = front_landmarks()
     write_landmarks(folder / "a.pts", marks)
-    found = gather(folder, NO_DETECTOR)
+    found = collect_photos(folder, NO_DETECTOR)
     assert found.landmarks[0].source == "file"
     assert found.landmarks[0].scheme == "68"
     np.testing.assert_allclose(found.landmarks[0].points, marks.points, atol=1e-9)
@@ -158,7 +161,7 @@ def test_given_landmarks_win_over_files(folder, picture):
     save(folder / "a.png", picture)
     write_landmarks(folder / "a.pts", front_landmarks())
     given = front_landmarks("40", (190, 205))
-    found = gather(folder, NO_DETECTOR, landmarks={"a.png": given})
+    found = collect_photos(folder, NO_DETECTOR, landmarks={"a.png": given})
     assert found.landmarks[0].source == "hand"
     np.testing.assert_array_equal(found.landmarks[0].points, given.points)
 
@@ -174,7 +177,7 @@ def test_wrong_landmark_files_are_told_and_the_rest_is_used(folder, picture):
     far = Landmarks("d", "68", marks.points + 5000, marks.weight)
     write_landmarks(folder / "d.json", far)
     write_landmarks(folder / "e.json", marks, (10, 10))
-    found = gather(folder, NO_DETECTOR)
+    found = collect_photos(folder, NO_DETECTOR)
     assert [photo.name for photo in found.photos] == ["a.png"]
     assert codes(found) == {
         "b.png": "implausible",
@@ -194,7 +197,7 @@ def test_wrong_landmark_files_are_told_and_the_rest_is_used(folder, picture):
 def test_json_of_another_program_does_not_hide_the_photo(models, folder, picture):
     save(folder / "a.png", picture)
     (folder / "a.json").write_text(json.dumps({"camera": "X100", "iso": 200}))
-    assert gather(folder).landmarks[0].source == "detected"
+    assert collect_photos(folder).landmarks[0].source == "detected"
 
 
 # --- photos that are no use --------------------------------------------------
@@ -211,7 +214,7 @@ def test_dirty_folder(models, folder, picture):
     tiny = np.full((200, 200, 3), 90, np.uint8)
     tiny[60:140, 60:140] = cv2.resize(picture, (80, 80), interpolation=cv2.INTER_AREA)
     save(folder / "tiny.png", tiny)
-    found = gather(folder, ignore=["set aside.png"])
+    found = collect_photos(folder, ignore=["set aside.png"])
     assert [photo.name for photo in found.photos] == ["a good one.png"]
     assert codes(found) == {
         "again.bmp": "duplicate",
@@ -242,7 +245,7 @@ def test_blurred_and_badly_exposed_faces():
         "white.png": np.full_like(image, 255),
     }
     names = list(pictures)
-    found = gather(
+    found = collect_photos(
         list(pictures.values()),
         NO_DETECTOR,
         landmarks={
@@ -258,7 +261,7 @@ def test_forty_times_the_same_photo(models, folder, picture):
     save(folder / "0.png", picture)
     for number in range(1, 40):
         shutil.copy(folder / "0.png", folder / f"{number}.png")
-    found = gather(folder)
+    found = collect_photos(folder)
     assert len(found.photos) == 1
     assert set(codes(found).values()) == {"duplicate"}
     assert len(found.failures) == 39
@@ -270,7 +273,7 @@ def test_no_usable_photo_is_told_with_the_reasons(models, folder):
         save(folder / f"{number}.png", wall)
     (folder / "text.jpg").write_text("hello")
     with pytest.raises(ReconstructionError) as info:
-        gather(folder)
+        collect_photos(folder)
     assert "None of the 4 photos" in str(info.value)
     assert "3 show no face" in str(info.value)
     assert "1 cannot be read" in str(info.value)
@@ -279,13 +282,13 @@ def test_no_usable_photo_is_told_with_the_reasons(models, folder):
 @pytest.mark.parametrize("photos", [[], ()])
 def test_no_photos_given(photos):
     with pytest.raises(ReconstructionError, match="No photos"):
-        gather(photos)
+        collect_photos(photos)
 
 
 @pytest.mark.parametrize("shape", [(40, 60), (40, 60, 3), (40, 60, 4)])
 def test_one_picture_in_place_of_several(shape):
     with pytest.raises(ReconstructionError, match="list of them") as caught:
-        gather(np.zeros(shape, np.uint8))
+        collect_photos(np.zeros(shape, np.uint8))
     assert str(shape) in str(caught.value)
 
 
@@ -294,7 +297,7 @@ def test_missing_models_end_the_job_with_the_remedy(tmp_path, monkeypatch, pictu
         "bsface.landmarks.face_models.model_folders", lambda folder=None: (tmp_path,)
     )
     with pytest.raises(ReconstructionError, match="setup"):
-        gather([picture])
+        collect_photos([picture])
 
 
 def test_paths_of_one_name_keep_apart(models, tmp_path, picture):
@@ -302,7 +305,7 @@ def test_paths_of_one_name_keep_apart(models, tmp_path, picture):
         (tmp_path / name).mkdir()
     save(tmp_path / "x" / "a.png", picture)
     save(tmp_path / "y" / "a.png", picture[5:])
-    found = gather([tmp_path / "x" / "a.png", tmp_path / "y" / "a.png"])
+    found = collect_photos([tmp_path / "x" / "a.png", tmp_path / "y" / "a.png"])
     assert [photo.name for photo in found.photos] == ["a.png (1)", "a.png (2)"]
 
 
@@ -319,7 +322,7 @@ def beside(picture, left: float, right: float) -> np.ndarray:
 
 
 def test_largest_of_several_faces(models, picture):
-    (marks,) = gather([beside(picture, 0.6, 1.0)]).landmarks
+    (marks,) = collect_photos([beside(picture, 0.6, 1.0)]).landmarks
     assert marks.faces == 2
     assert "face 2 of 2 from the left" in marks.note
     assert "largest" in marks.note
@@ -333,7 +336,7 @@ def test_face_that_fits_the_other_photos(models, picture):
         for k in range(3)
     ]
     photos = [image.astype(np.uint8) for image in alone]
-    found = gather([*photos, beside(picture, 0.6, 1.0)])
+    found = collect_photos([*photos, beside(picture, 0.6, 1.0)])
     marks = found.landmarks[-1]
     assert marks.faces == 2
     assert "face 1 of 2 from the left" in marks.note
@@ -345,7 +348,7 @@ def test_bystander_does_not_stand_in_for_a_blurred_person(models, picture):
     both[:, 400:] = cv2.GaussianBlur(both[:, 400:], (0, 0), 6)
     alone = beside(picture, 0.6, 1.0)
     alone[:, :400] = 0
-    found = gather([both, alone, alone[1:], alone[2:]])
+    found = collect_photos([both, alone, alone[1:], alone[2:]])
     assert codes(found) == {"picture 1": "blurred"}
 
 
@@ -357,7 +360,7 @@ def test_progress_rises_to_the_end(folder, picture):
         save(folder / f"{number}.png", picture[number:])
         write_landmarks(folder / f"{number}.pts", front_landmarks())
     steps = []
-    gather(folder, NO_DETECTOR, steps.append)
+    collect_photos(folder, NO_DETECTOR, steps.append)
     overall = [step.overall for step in steps]
     assert overall == sorted(overall)
     assert overall[0] == 0
@@ -372,7 +375,7 @@ def test_cancel(models, picture):
             raise Cancelled
 
     with pytest.raises(Cancelled):
-        gather([picture, picture[1:]], progress=stop)
+        collect_photos([picture, picture[1:]], progress=stop)
 
 
 # --- real photos -------------------------------------------------------------
@@ -387,7 +390,7 @@ def test_press_photos(models, person):
     folder = LFW / person
     if not folder.is_dir():
         pytest.skip("the press photos (../shared/photos/lfw) are not there")
-    found = gather(folder)
+    found = collect_photos(folder)
     assert len(found.photos) >= 33
     for photo, marks in zip(found.photos, found.landmarks, strict=True):
         away = marks.points.mean(axis=0) - np.array(photo.size) / 2
@@ -397,4 +400,4 @@ def test_press_photos(models, person):
 def test_names_to_leave_out_must_be_those_of_photos(picture):
     """A slip would let the photo in, unseen."""
     with pytest.raises(ReconstructionError, match=r"no photo 'b.png' to leave out"):
-        gather([picture] * 7, NO_DETECTOR, ignore=["picture 1", "b.png"])
+        collect_photos([picture] * 7, NO_DETECTOR, ignore=["picture 1", "b.png"])

@@ -7,7 +7,7 @@ import pytest
 from bsface.camera.camera import Camera
 from bsface.errors import PhotoFailure, ReconstructionError
 from bsface.solve.paper.algorithm1 import Limits, NormalField, imls, paper_steps
-from bsface.solve.paper.motion import LandmarkObservations
+from bsface.solve.paper.motion import PaperLandmarks
 from bsface.solve.paper.shading import ShadingParameters
 from bsface.surface.bspline import BSplineSurface
 from scipy.spatial.transform import Rotation
@@ -39,7 +39,7 @@ def case():
     for yaw, pitch, roll in rng.uniform(-1, 1, (PHOTOS, 3)) * [35, 20, 10]:
         R = Rotation.from_euler("YXZ", [yaw, pitch, roll], degrees=True).as_matrix()
         q.append(Camera(R, rng.uniform(1, 3), rng.uniform(-9, 9, 2)).project(Q))
-    landmarks = LandmarkObservations(
+    landmarks = PaperLandmarks(
         np.stack(q), np.ones((PHOTOS, 40)), feature, np.zeros((PHOTOS, 2))
     )
     direction = rng.normal(size=(PHOTOS, 3)) + [0, 0, 1]

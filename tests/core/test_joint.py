@@ -17,7 +17,7 @@ from bsface.solve.joint import samples
 from bsface.solve.joint import system as joint_system
 from bsface.solve.joint.refine import JointOptions, Level, refine
 from bsface.solve.joint.samples import sample_grid
-from bsface.solve.motion import Bundle, Observations
+from bsface.solve.motion import Bundle, LandmarkObservations
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
@@ -103,7 +103,7 @@ def start(template, prior, surface, views, expression=0.0):
         "history": (),
     }
     bundle = Bundle(**{f.name: known.get(f.name) for f in fields(Bundle)})
-    return bundle, Observations(pixels, np.ones(pixels.shape[:2]), index)
+    return bundle, LandmarkObservations(pixels, np.ones(pixels.shape[:2]), index)
 
 
 @dataclass
@@ -119,7 +119,7 @@ class Seen:
     values: np.ndarray
     lights: np.ndarray
     albedo: np.ndarray
-    sky: object
+    radiance_transfer: object
     own: np.ndarray  # displacement of the control points in each photo
     state: object
     options: JointOptions
@@ -149,8 +149,10 @@ def first_step(monkeypatch, template, prior, surface, views, pictures, expressio
     monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
     monkeypatch.setattr(joint, "estimate_lighting", spy_lighting)
     monkeypatch.setattr(joint, "normal_equations", spy_equations)
-    sky = samples.sky
-    monkeypatch.setattr(samples, "sky", lambda *a: inside.setdefault("sky", sky(*a)))
+    radiance_transfer = samples.radiance_transfer
+    monkeypatch.setattr(
+        samples, "sky", lambda *a: inside.setdefault("sky", radiance_transfer(*a))
+    )
     (state,) = refine(template, prior, bundle, range(len(views)), marks, options)
     own = np.tensordot(bundle.expressions, template.expression_modes, 1)
     found = (inside[k] for k in ("values", "lights", "albedo", "sky"))
@@ -183,7 +185,7 @@ class Residual:
         views = self.views if views is None else views
         shading = np.stack(
             [
-                self.seen.sky.basis(f.normals(*self.uv.T)) @ light
+                self.seen.radiance_transfer.basis(f.normals(*self.uv.T)) @ light
                 for f, light in zip(self.faces(surface), lights, strict=True)
             ]
         )
@@ -398,7 +400,7 @@ def test_landmark_rows(template):
     offset = rng.normal(0, 2, (PHOTOS, len(index), 3))
     pixels = np.stack([c.project(on + o) for c, o in zip(views, offset, strict=True)])
     pixels += rng.normal(0, 3, pixels.shape)
-    seen = Observations(pixels, rng.random(pixels.shape[:2]), index)
+    seen = LandmarkObservations(pixels, rng.random(pixels.shape[:2]), index)
     m, size, sigma, weight = PARAMETERS + 4, len(ways), 1.5, 0.3
     S: list = []
     gd, B = np.zeros(size), np.zeros((size, 3 * m))

@@ -6,7 +6,7 @@ from bsface.camera.camera import Camera
 from bsface.errors import PhotoFailure
 from bsface.solve.paper.motion import (
     RIDGE,
-    LandmarkObservations,
+    PaperLandmarks,
     estimate_poses,
     landmark_rms,
     motion_vector,
@@ -41,7 +41,7 @@ def scene(b, photos=6, points=40, seed=0, shape=SHAPE):
         cameras.append(Camera(R, rng.uniform(0.5, 4), t, 0.0, np.array([200, 150.0])))
     q = np.stack([c.project(Q) for c in cameras])
     principal = np.tile([200.0, 150.0], (photos, 1))
-    return cameras, LandmarkObservations(
+    return cameras, PaperLandmarks(
         q, rng.uniform(0.3, 1, (photos, points)), uv, principal
     )
 
@@ -119,7 +119,7 @@ def test_size_of_a_photo_does_not_matter():
     q[0] *= big
     principal = landmarks.principal.copy()
     principal[0] *= big
-    scaled = LandmarkObservations(q, landmarks.weights, landmarks.uv, principal)
+    scaled = PaperLandmarks(q, landmarks.weights, landmarks.uv, principal)
     b, _ = warp(net(), SHAPE, cameras, scaled)
     assert np.allclose(a, b, atol=1e-8)
 
@@ -131,12 +131,12 @@ def test_missing_landmarks_and_photos_have_no_say():
     q[1, :5] = np.nan
     weights[2, :5] = 0
     q[2, :5] = 1e6
-    spoilt = LandmarkObservations(q, weights, landmarks.uv, landmarks.principal)
+    spoilt = PaperLandmarks(q, weights, landmarks.uv, landmarks.principal)
     failed = [*cameras[:-1], PhotoFailure("x", "implausible", "x: no pose.")]
     b, _ = warp(net(), SHAPE, failed, spoilt)
     assert np.isfinite(b).all()
     assert landmark_rms(b, SHAPE, failed, spoilt) < 2
-    clean = LandmarkObservations(
+    clean = PaperLandmarks(
         landmarks.q[:-1],
         spoilt.weights[:-1],
         landmarks.uv,
@@ -155,7 +155,7 @@ def test_mirrored_photos_give_the_mirrored_shape():
         Camera(flip @ c.R @ flip, c.s, c.t * [-1, 1], 0.0, np.zeros(2)) for c in cameras
     ]
     q = (landmarks.q - landmarks.principal[:, None]) * [-1, 1]
-    mirrored = LandmarkObservations(
+    mirrored = PaperLandmarks(
         q,
         landmarks.weights,
         landmarks.uv * [-1, 1] + [1, 0],
@@ -173,6 +173,6 @@ def test_refuses_what_cannot_work():
     with pytest.raises(ValueError, match="no data"):
         warp(net(), SHAPE, [PhotoFailure("x", "implausible", "x")] * 6, landmarks)
     with pytest.raises(ValueError, match="landmarks need"):
-        LandmarkObservations(
+        PaperLandmarks(
             landmarks.q, landmarks.weights, landmarks.uv[:-1], landmarks.principal
         )

@@ -10,18 +10,18 @@ import pytest
 from bsface.errors import ReconstructionError
 from bsface.identity.descriptor import (
     Appearance,
-    General,
+    MeanAppearance,
+    describe_appearance,
     general_of,
-    likeness,
-    look,
     mean_pattern,
     pattern_variance,
-    stored_general,
+    similarity,
+    stored_mean_appearance,
 )
-from bsface.identity.same_person import FEWEST, tell_apart
+from bsface.identity.same_person import FEWEST, split_identities
 from bsface.landmarks.face_models import find_models
 from bsface.landmarks.landmarks import read_landmarks
-from bsface.prepare import gather
+from bsface.prepare import collect_photos
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 
@@ -59,7 +59,7 @@ def drawn(tmp_path_factory):
 @pytest.mark.parametrize("seed", range(4))
 def test_one_person_stays_whole(count, seed):
     C, W, _ = likeness_of([count], seed=seed)
-    found = tell_apart(C, W)
+    found = split_identities(C, W)
     assert found.person.tolist() == list(range(count))
     assert found.strangers == found.doubtful == ()
 
@@ -67,7 +67,7 @@ def test_one_person_stays_whole(count, seed):
 @pytest.mark.parametrize("sizes", [(20, 1), (25, 5), (18, 17), (20, 3, 1), (12, 4, 4)])
 def test_strangers_are_found(sizes):
     C, W, who = likeness_of(sizes)
-    found = tell_apart(C, W)
+    found = split_identities(C, W)
     assert found.person.tolist() == np.flatnonzero(who == 0).tolist()
     apart = np.sort(np.concatenate(found.strangers))
     assert apart.tolist() == np.flatnonzero(who != 0).tolist()
@@ -76,7 +76,9 @@ def test_strangers_are_found(sizes):
 
 def test_of_two_equal_groups_the_first_photo_decides():
     C, W, who = likeness_of((10, 10))
-    assert tell_apart(C, W).person.tolist() == np.flatnonzero(who == who[0]).tolist()
+    assert (
+        split_identities(C, W).person.tolist() == np.flatnonzero(who == who[0]).tolist()
+    )
 
 
 def test_less_unlike_is_a_doubt_and_keeps_its_photo():
@@ -84,7 +86,7 @@ def test_less_unlike_is_a_doubt_and_keeps_its_photo():
     C, W, _ = likeness_of([n], noise=0.01)
     low = 0.4 * (0.45 - 0.35 / n**0.5 + 0.03)  # just above the limit for one photo
     C[7], C[:, 7] = low, low
-    found = tell_apart(C, W)
+    found = split_identities(C, W)
     assert found.person.tolist() == list(range(n))
     assert [g.tolist() for g in found.doubtful] == [[7]]
 
@@ -95,19 +97,19 @@ def test_photos_that_are_like_none_are_judged_by_level_not_by_group():
     clear = np.ones(30)
     clear[::3] = 0.75
     C = C * np.outer(clear, clear)
-    assert tell_apart(C, W).strangers == ()
+    assert split_identities(C, W).strangers == ()
 
 
 def test_order_of_the_photos_does_not_matter():
     C, W, who = likeness_of((14, 6, 1))
     order = np.random.default_rng(3).permutation(len(who))
-    turned = tell_apart(C[np.ix_(order, order)], W)
-    assert sorted(order[turned.person]) == tell_apart(C, W).person.tolist()
+    turned = split_identities(C[np.ix_(order, order)], W)
+    assert sorted(order[turned.person]) == split_identities(C, W).person.tolist()
 
 
 @pytest.mark.parametrize("count", range(FEWEST))
 def test_too_few_photos_say_nothing(count):
-    found = tell_apart(-np.ones((count, count)), np.ones((count, count)))
+    found = split_identities(-np.ones((count, count)), np.ones((count, count)))
     assert len(found.person) == count and found.strangers == found.doubtful == ()
 
 
@@ -115,7 +117,7 @@ def test_too_few_photos_say_nothing(count):
 
 
 def test_general_patterns_are_their_own_mirror_images():
-    general = stored_general()
+    general = stored_mean_appearance()
     for stored in (general.mean, general.variance):
         assert np.isfinite(stored).all() and np.ptp(stored) > 0.3
         np.testing.assert_array_equal(stored, stored[..., ::-1])
@@ -138,8 +140,8 @@ def test_of_a_known_person_the_pattern_without_them_is_taken():
     general = general_of([(shared + o, ones) for o in own], members=True)
     noise = rng.normal(0, 0.1, (6, 96, 96)).astype(np.float32)
     seen = Appearance(shared + own[1] + noise, np.ones((6, 96, 96), np.float32))
-    known, _ = likeness(seen, general)
-    alone, _ = likeness(seen, General(general.mean[1:2], general.variance))
+    known, _ = similarity(seen, general)
+    alone, _ = similarity(seen, MeanAppearance(general.mean[1:2], general.variance))
     np.testing.assert_array_equal(known, alone)
 
 
@@ -154,7 +156,7 @@ def test_variance_is_that_within_the_sets():
 
 
 def test_pattern_forgets_light_exposure_and_colour(drawn):
-    found = gather(drawn[0][:1], FILES_ONLY)
+    found = collect_photos(drawn[0][:1], FILES_ONLY)
     photo, marks = found.photos[0], found.landmarks[0]
     linear = photo.linear().astype(float)
     x = np.linspace(0.6, 1.4, linear.shape[1])[None, :, None]
@@ -163,7 +165,10 @@ def test_pattern_forgets_light_exposure_and_colour(drawn):
         other <= 0.0031308, 12.92 * other, 1.055 * other ** (1 / 2.4) - 0.055
     )
     changed = replace(photo, pixels=np.uint16(np.round(65535 * encoded)))
-    a, b = look([photo], [marks]), look([changed], [marks])
+    a, b = (
+        describe_appearance([photo], [marks]),
+        describe_appearance([changed], [marks]),
+    )
     np.testing.assert_array_equal(a.weight, b.weight)
     both = a.weight[0] > 0
     assert np.corrcoef(a.pattern[0][both], b.pattern[0][both])[0, 1] > 0.95
@@ -174,13 +179,15 @@ def test_likeness_is_symmetric_and_blind_to_what_is_not_seen():
     pattern = rng.uniform(-1, 1, (3, 96, 96)).astype(np.float32)
     weight = np.ones_like(pattern)
     weight[0, :, :40] = 0
-    none = General(np.zeros((1, 96, 96), np.float32), np.ones((96, 96), np.float32))
-    C, W = likeness(Appearance(pattern, weight), none)
+    none = MeanAppearance(
+        np.zeros((1, 96, 96), np.float32), np.ones((96, 96), np.float32)
+    )
+    C, W = similarity(Appearance(pattern, weight), none)
     np.testing.assert_allclose(C, C.T)
     np.testing.assert_allclose(np.diag(C), 1, rtol=1e-6)
     assert (np.diag(W) == 0).all()
     pattern[0, :, :40] = 7.0
-    np.testing.assert_allclose(likeness(Appearance(pattern, weight), none)[0], C)
+    np.testing.assert_allclose(similarity(Appearance(pattern, weight), none)[0], C)
 
 
 def test_what_all_faces_share_makes_nobody_alike():
@@ -192,8 +199,8 @@ def test_what_all_faces_share_makes_nobody_alike():
     seen = Appearance(pattern, np.ones_like(pattern))
     ones = np.ones((96, 96), np.float32)
     mean = mean_pattern([Appearance(shared[None], ones[None])])[None]
-    C, _ = likeness(seen, General(mean, ones))
-    plain, _ = likeness(seen, General(np.zeros_like(mean), ones))
+    C, _ = similarity(seen, MeanAppearance(mean, ones))
+    plain, _ = similarity(seen, MeanAppearance(np.zeros_like(mean), ones))
     assert plain[0, 2] > 0.7 > 0.4 > C[0, 2]
 
 
@@ -202,29 +209,39 @@ def test_what_all_faces_share_makes_nobody_alike():
 
 def test_drawn_strangers_are_left_out_by_name(drawn):
     anna, bert = drawn
-    found = gather([*anna, *bert], FILES_ONLY)
+    found = collect_photos([*anna, *bert], FILES_ONLY)
     assert len(found.photos) == 8
     assert [f.code for f in found.failures] == ["other_person"] * 3
     assert [p.path for p in found.photos] == anna
     for failure in found.failures:
         assert failure.name in failure.reason and "one_person" in failure.reason
-    (sentence,) = found.doubts
+    (sentence,) = found.identity_warnings
     assert all(failure.name in sentence for failure in found.failures)
 
 
 def test_switched_off_all_photos_are_used(drawn):
-    found = gather([*drawn[0], *drawn[1]], replace(FILES_ONLY, one_person=False))
-    assert len(found.photos) == 11 and found.failures == () and found.doubts == ()
+    found = collect_photos(
+        [*drawn[0], *drawn[1]], replace(FILES_ONLY, one_person=False)
+    )
+    assert (
+        len(found.photos) == 11
+        and found.failures == ()
+        and found.identity_warnings == ()
+    )
 
 
 def test_one_drawn_person_stays_whole(drawn):
-    found = gather(drawn[0], FILES_ONLY)
-    assert len(found.photos) == 8 and found.failures == () and found.doubts == ()
+    found = collect_photos(drawn[0], FILES_ONLY)
+    assert (
+        len(found.photos) == 8
+        and found.failures == ()
+        and found.identity_warnings == ()
+    )
 
 
 def test_strangers_are_found_with_fewer_landmarks_asked_for(drawn):
     settings = replace(FILES_ONLY, landmarks="68")
-    assert len(gather([*drawn[0], *drawn[1]], settings).photos) == 8
+    assert len(collect_photos([*drawn[0], *drawn[1]], settings).photos) == 8
 
 
 def test_photos_with_fewer_landmarks_are_not_compared(drawn):
@@ -235,8 +252,8 @@ def test_photos_with_fewer_landmarks_are_not_compared(drawn):
         few[path.name] = marks.subset("68", load_template().schemes["68"])
     # both folders have these names, so gather numbers them
     numbered = {f"{name} (2)": marks for name, marks in few.items()}
-    found = gather([*drawn[0], *drawn[1]], FILES_ONLY, landmarks=numbered)
-    assert len(found.photos) == 11 and found.doubts == ()
+    found = collect_photos([*drawn[0], *drawn[1]], FILES_ONLY, landmarks=numbered)
+    assert len(found.photos) == 11 and found.identity_warnings == ()
 
 
 @pytest.fixture(scope="module")
@@ -257,6 +274,6 @@ def press(tmp_path_factory):
 
 def test_press_photos_of_another_man(press):
     """Nobody's photos are in the stored patterns."""
-    found = gather(press)
+    found = collect_photos(press)
     apart = {f.name for f in found.failures if f.code == "other_person"}
     assert apart == {"George_W_Bush_0001.jpg", "George_W_Bush_0002.jpg"}

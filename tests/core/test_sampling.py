@@ -7,7 +7,7 @@ from bsface.images.photo import Photo
 from bsface.photometry.sampling import (
     DEPTH_MARGIN,
     IntensityField,
-    hidden_in,
+    occluded,
     occlusion,
     smooth_photo,
     view_weights,
@@ -173,8 +173,8 @@ def test_visibility_does_not_depend_on_pixels(s, x):
     cover = surface.grid(80, 80).reshape(-1, 3)
     R = Rotation.from_euler("y", 60, degrees=True).as_matrix()
     points = surface.evaluate(*np.random.default_rng(1).random((2, 400)))
-    one = hidden_in(cover, Camera(R, 1.0, (0, 0)), points)
-    other = hidden_in(cover, Camera(R, s, (x, -x)), points)
+    one = occluded(cover, Camera(R, 1.0, (0, 0)), points)
+    other = occluded(cover, Camera(R, s, (x, -x)), points)
     assert (one != other).mean() < 0.05
 
 

@@ -16,9 +16,14 @@ from bsface.errors import PhotoFailure
 from bsface.formats.face_file import read_npz, write_npz
 from bsface.landmarks.face_models import find_models
 from bsface.landmarks.landmarks import Landmarks
-from bsface.solve.known_face import KnownFace, Pose, find_again, know
-from bsface.solve.known_face_shading import find_by_shading, skin
-from bsface.solve.motion import BundleOptions, Observations
+from bsface.solve.known_face import (
+    KnownFace,
+    Pose,
+    estimate_pose_expression,
+    personalise_landmarks,
+)
+from bsface.solve.known_face_shading import refine_pose_expression, skin
+from bsface.solve.motion import LandmarkObservations, MotionOptions
 from bsface.surface.template import load_template
 from bsface.track import track
 from fake_face import painted_reconstruction, person_folder, skin_pattern
@@ -68,10 +73,10 @@ def test_landmarks_of_the_person_are_learnt(person):
     surface, marks = person
     views = cameras(8)
     pixels = np.stack([c.project(marks) for c in views])
-    seen = Observations(pixels, np.ones(pixels.shape[:2]), INDEX)
-    options = BundleOptions(offset_mm=3.0, noise_mm=0.3)
-    plain = know(surface, TEMPLATE, (), None, options)
-    learnt = know(surface, TEMPLATE, views, seen, options)
+    seen = LandmarkObservations(pixels, np.ones(pixels.shape[:2]), INDEX)
+    options = MotionOptions(offset_mm=3.0, noise_mm=0.3)
+    plain = personalise_landmarks(surface, TEMPLATE, (), None, options)
+    learnt = personalise_landmarks(surface, TEMPLATE, views, seen, options)
     front = (learnt.normals @ (0, 0, 1)) > 0.7
     away = lambda known: np.linalg.norm(known.marks - marks, axis=1)[front]  # noqa: E731
     assert np.median(away(plain)) > 2
@@ -81,15 +86,16 @@ def test_landmarks_of_the_person_are_learnt(person):
 def test_landmarks_are_learnt_from_photos_that_differ_in_expression(person):
     surface, marks = person
     views = cameras(8)
-    options = BundleOptions(offset_mm=3.0, noise_mm=0.3)
-    moves = know(surface, TEMPLATE).moves
-    mixtures = np.random.default_rng(2).normal(0, 1.5, (8, moves.shape[2]))
+    options = MotionOptions(offset_mm=3.0, noise_mm=0.3)
+    expression_offsets = personalise_landmarks(surface, TEMPLATE).expression_offsets
+    mixtures = np.random.default_rng(2).normal(0, 1.5, (8, expression_offsets.shape[2]))
     pixels = [
-        c.project(marks + moves @ e) for c, e in zip(views, mixtures, strict=True)
+        c.project(marks + expression_offsets @ e)
+        for c, e in zip(views, mixtures, strict=True)
     ]
-    seen = Observations(np.stack(pixels), np.ones((8, len(INDEX))), INDEX)
-    blind = know(surface, TEMPLATE, views, seen, options)
-    learnt = know(surface, TEMPLATE, views, seen, options, mixtures)
+    seen = LandmarkObservations(np.stack(pixels), np.ones((8, len(INDEX))), INDEX)
+    blind = personalise_landmarks(surface, TEMPLATE, views, seen, options)
+    learnt = personalise_landmarks(surface, TEMPLATE, views, seen, options, mixtures)
     front = (learnt.normals @ (0, 0, 1)) > 0.7
     away = lambda known: np.linalg.norm(known.marks - marks, axis=1)[front]  # noqa: E731
     assert np.median(away(learnt)) < 0.5 < np.median(away(blind))
@@ -100,7 +106,7 @@ def test_exact_landmarks_give_the_camera(person):
     surface, marks = person
     known = exact(surface, marks)
     for camera in cameras(4, seed=7):
-        pose = find_again(
+        pose = estimate_pose_expression(
             known, camera.project(marks), np.ones(len(marks)), camera.principal
         )
         assert isinstance(pose, Pose)
@@ -111,7 +117,9 @@ def test_exact_landmarks_give_the_camera(person):
 
 
 def exact(surface, marks) -> KnownFace:
-    known = know(surface, TEMPLATE, (), None, BundleOptions(noise_mm=0.1))
+    known = personalise_landmarks(
+        surface, TEMPLATE, (), None, MotionOptions(noise_mm=0.1)
+    )
     return KnownFace(**{**known.__dict__, "marks": marks})
 
 
@@ -120,12 +128,12 @@ def test_expression_is_seen(person):
     surface, marks = person
     known = exact(surface, marks)
     rng = np.random.default_rng(1)
-    e = rng.normal(0, 1.2, known.moves.shape[2])
+    e = rng.normal(0, 1.2, known.expression_offsets.shape[2])
     truth = known.with_expression(e)
     (camera,) = cameras(1, seed=2)
-    pose = find_again(
+    pose = estimate_pose_expression(
         known,
-        camera.project(marks + known.moves @ e),
+        camera.project(marks + known.expression_offsets @ e),
         np.ones(len(marks)),
         camera.principal,
     )
@@ -143,7 +151,9 @@ def test_few_wrong_landmarks_do_not_matter(person):
     (camera,) = cameras(1, seed=3)
     pixels = camera.project(marks)
     pixels[::12] += (40, -60)
-    pose = find_again(known, pixels, np.ones(len(marks)), camera.principal)
+    pose = estimate_pose_expression(
+        known, pixels, np.ones(len(marks)), camera.principal
+    )
     assert angle(pose.camera.R, camera.R) < 1.0
 
 
@@ -152,13 +162,15 @@ def test_larger_face_is_seen_the_same(person):
     surface, marks = person
     double = BSplineSurface(2 * surface.control_points)
     (camera,) = cameras(1, seed=4)
-    options = [BundleOptions(distance_mm=d) for d in (1200.0, 2400.0)]
+    options = [MotionOptions(distance_mm=d) for d in (1200.0, 2400.0)]
     poses = []
     for face, option in zip((surface, double), options, strict=True):
-        known = know(face, TEMPLATE, (), None, option)
+        known = personalise_landmarks(face, TEMPLATE, (), None, option)
         pixels = camera.project(marks)
         poses.append(
-            find_again(known, pixels, np.ones(len(marks)), camera.principal, option)
+            estimate_pose_expression(
+                known, pixels, np.ones(len(marks)), camera.principal, option
+            )
         )
     assert angle(poses[0].camera.R, poses[1].camera.R) < 0.02
     assert poses[0].camera.s == pytest.approx(2 * poses[1].camera.s, rel=1e-3)
@@ -170,7 +182,9 @@ def test_too_few_landmarks_are_a_failure(person):
     known = exact(surface, marks)
     weight = np.zeros(len(marks))
     weight[:3] = 1
-    found = find_again(known, np.zeros((len(marks), 2)), weight, (0, 0), name="a.jpg")
+    found = estimate_pose_expression(
+        known, np.zeros((len(marks), 2)), weight, (0, 0), name="a.jpg"
+    )
     assert isinstance(found, PhotoFailure)
     assert found.reason.startswith("a.jpg: only 3 landmarks")
 
@@ -189,7 +203,7 @@ def test_intensities_correct_the_pose():
         index=index,
         marks=face.surface.evaluate(*uv.T),
         normals=face.surface.normals(*uv.T),
-        moves=np.zeros((30, 3, 0)),
+        expression_offsets=np.zeros((30, 3, 0)),
         modes=np.zeros((0, *face.surface.control_points.shape)),
         sigma=np.full(30, 3.0),
     )
@@ -199,7 +213,7 @@ def test_intensities_correct_the_pose():
         step = np.array([0.04, -0.05, 0.03, 0.02, 1.5, -1.0, 0.0])
         start = Pose(truth.moved(step), np.zeros(0), 1.0, 0)
         pixels = start.camera.project(known.marks)
-        pose = find_by_shading(known, points, start, photo, pixels, np.ones(30))
+        pose = refine_pose_expression(known, points, start, photo, pixels, np.ones(30))
         assert angle(start.camera.R, truth.R) > 3.9
         assert angle(pose.camera.R, truth.R) < 1.0
         moved = pose.camera.project(known.marks) - truth.project(known.marks)
@@ -208,14 +222,14 @@ def test_intensities_correct_the_pose():
 
 def test_photo_that_misses_the_face_keeps_the_start():
     face = painted_reconstruction(count=1, side=60)
-    known = know(TEMPLATE.surface, TEMPLATE)
+    known = personalise_landmarks(TEMPLATE.surface, TEMPLATE)
     at = np.stack(np.meshgrid(*2 * [np.linspace(0.2, 0.8, 20)]), -1).reshape(-1, 2)
     points = skin(known, at, np.ones(len(at)))
     away = Camera(np.eye(3), 1.0, np.full(2, 5000.0))
     start = Pose(away, np.zeros(len(known.modes)), 1.0, 3)
     pixels = away.project(known.marks)
     weight = np.ones(len(pixels))
-    found = find_by_shading(known, points, start, face.photos[0], pixels, weight)
+    found = refine_pose_expression(known, points, start, face.photos[0], pixels, weight)
     assert found is start
 
 

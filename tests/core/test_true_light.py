@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsface.prepare import gather
+from bsface.prepare import collect_photos
 from bsface.reconstruct import observations, solve
 from bsface.settings import Settings
 from bsface.solve.joint import refine as joint
@@ -25,19 +25,21 @@ NAMES = ("000.jpg", "011.jpg", "023.jpg")
 @pytest.fixture(scope="module")
 def known():
     """Three example photos, and some face and cameras that stand for the truth."""
-    gathered = gather([ROOT / "examples" / "photos" / n for n in NAMES], SETTINGS)
+    collection = collect_photos(
+        [ROOT / "examples" / "photos" / n for n in NAMES], SETTINGS
+    )
     template = load_template().resampled(SETTINGS.control_points)
-    seen = observations(gathered, template)
+    seen = observations(collection, template)
     module = sys.modules["bsface.reconstruct"]
-    cameras = module._linear_cameras(gathered, template, seen, SETTINGS)
+    cameras = module._linear_cameras(collection, template, seen, SETTINGS)
     same = (1.0, np.eye(3), np.zeros(3))
     truth = _truth.Truth(template.surface, np.zeros(0), np.zeros(0), same)
-    return gathered, template, truth, cameras
+    return collection, template, truth, cameras
 
 
 def last_state(known, monkeypatch, lights, albedo):
     """The joint stage's last state, and the light and albedo that were held."""
-    gathered, template, truth, cameras = known
+    collection, template, truth, cameras = known
     states, held = [], []
     shading_on = _true_light.shading_on
     monkeypatch.setattr(
@@ -55,9 +57,9 @@ def last_state(known, monkeypatch, lights, albedo):
     monkeypatch.setattr(module, "refine", noted)
     before = dict(vars(joint))
     options = module.joint_options(SETTINGS)
-    photos = gathered.photos
+    photos = collection.photos
     with _true_light.shading_held(truth, cameras, photos, options, lights, albedo):
-        solve(gathered, SETTINGS, template)
+        solve(collection, SETTINGS, template)
     assert all(before[name] is value for name, value in vars(joint).items())
     return states[-1], held[-1]
 

@@ -32,12 +32,12 @@ from ...photometry.lighting import (
     light_diversity,
 )
 from ...photometry.sampling import smooth_photo, view_weights
-from ...progress import Tick, no_tick
+from ...progress import CheckCancelled, never_cancelled
 from ...surface.bspline import BSplineSurface, basis_matrix
 from ...surface.prior import ShapePrior
 from ...surface.template import Template
-from ..motion import Bundle, Observations
-from .samples import take_samples
+from ..motion import Bundle, LandmarkObservations
+from .samples import sample_surface
 from .system import (
     Blocks,
     add_held,
@@ -157,10 +157,10 @@ def refine(
     prior: ShapePrior,
     start: Bundle,
     photos: Sequence[Photo],
-    seen: Observations,
+    seen: LandmarkObservations,
     options: JointOptions = JointOptions(),  # noqa: B008 (frozen)
     photo_weights: Array | None = None,
-    tick: Tick = no_tick,
+    check_cancelled: CheckCancelled = never_cancelled,
     held: Array | None = None,
 ) -> Iterator[JointState]:
     """Iterate the joint system from a motion result.
@@ -216,42 +216,42 @@ def refine(
     for number, level in enumerate(options.levels):
         fine = number + 1 == len(options.levels)
         degree = options.degree if fine else min(options.degree, options.coarse_degree)
-        at = take_samples(
+        at = sample_surface(
             template, reference, surface, level.grid, own, degree, options.shadows
         )
         x = x._replace(lights=_with_degree(x.lights, degree))
         fields = []
         for q, c in zip(photos, x.cameras, strict=True):
-            tick()
+            check_cancelled()
             fields.append(smooth_photo(q, c, level.blur_mm))
         albedo = np.ones(len(at.uv))
         for turn in range(level.iterations):
-            tick()
+            check_cancelled()
             faces = [BSplineSurface(surface.control_points + e) for e in own]
             view = view_weights(
                 faces if own.any() else surface, x.cameras, at.uv, options.grazing
             )
             view *= weigh[:, None]
-            tick()
+            check_cancelled()
             X, N, up = at.geometry(surface)
             X = np.broadcast_to(X, (n, *X.shape[1:]))
             value, by_camera, along = read_photos(
                 fields, x.cameras, X, at.T[0] @ directions, view
             )
-            Y = np.stack([at.over.basis(k) for k in N])
-            tick()
+            Y = np.stack([at.transfer.basis(k) for k in N])
+            check_cancelled()
             lights, albedo, W, r = estimate_lighting(
                 value, view * at.area, Y, x.lights, albedo, options.noise,
                 ridge=options.light_ridge,
             )  # fmt: skip
             x = x._replace(lights=lights)
-            tick()
+            check_cancelled()
             c, h, s = _rows(at, N, up, Y, lights, albedo, along, by_camera)
             scale = options.independence / options.noise**2
-            tick()
+            check_cancelled()
             blocks = normal_equations(at.T, c, h, s, scale * W, r)
             del c, h, s  # the largest arrays, while the solution needs room
-            tick()
+            check_cancelled()
             add_landmarks(
                 blocks, seen, x.cameras, surface, offset, mark_uv, mark_T, directions,
                 options.landmark_mm, options.landmark_weight,
@@ -259,7 +259,7 @@ def refine(
             _add_photo_priors(blocks, x.cameras, options)
             if held is not None:
                 add_held(blocks, held, home - (x.d + D @ x.a))
-            tick()
+            check_cancelled()
             dd, da, step, deviation = solve_bordered(
                 blocks, prior.smooth, shape, D, x.d + before[0], x.a + before[1]
             )
@@ -274,7 +274,7 @@ def refine(
             )
             moved = ((x.d + D @ x.a)[:, None] * directions).reshape(*shape, 3)
             surface = BSplineSurface(reference.control_points + moved)
-            tick()
+            check_cancelled()
             last = fine and turn + 1 == level.iterations
             yield JointState(
                 surface=surface,
@@ -322,7 +322,7 @@ def _rows(at, N, up, Y, lights, albedo, along, by_camera):
     s = np.zeros_like(along)
     for k in range(len(N)):
         which = range(n) if len(N) == 1 else [k]
-        turn = at.over.slopes(N[k], lights[list(which)])
+        turn = at.transfer.slopes(N[k], lights[list(which)])
         for t, i in zip(turn, which, strict=True):
             c[i, :, 1] = albedo * (t * up[k][0]).sum(1)
             c[i, :, 2] = albedo * (t * up[k][1]).sum(1)

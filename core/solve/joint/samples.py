@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ...photometry.transfer import Sky, sky
+from ...photometry.transfer import Transfer, radiance_transfer
 from ...surface.bspline import BSplineSurface, basis_matrix
 from ...surface.template import Template
 from .system import contravariant
@@ -36,14 +36,14 @@ class Samples(NamedTuple):
     uv: Array
     T: list[sparse.csr_array]
     area: Array
-    moves: list[Array]
-    over: Sky
+    expression_offsets: list[Array]
+    transfer: Transfer
 
     def geometry(
         self, surface: BSplineSurface
     ) -> tuple[Array, Array, list[tuple[Array, Array]]]:
         """Points and normals (k, p, 3) and ``g^u, g^v``: of the face of each photo."""
-        at = zip(self.T, self.moves, strict=True)
+        at = zip(self.T, self.expression_offsets, strict=True)
         X, fu, fv = (t @ surface.vector + move for t, move in at)
         N = np.cross(fv, fu)
         N /= np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-12)
@@ -61,7 +61,7 @@ def sample_grid(template: Template, grid: int) -> Array:
     return uv[keep]
 
 
-def take_samples(
+def sample_surface(
     template: Template,
     reference: BSplineSurface,
     surface: BSplineSurface,
@@ -92,6 +92,6 @@ def take_samples(
     fu, fv = reference.evaluate(u, v, du=1), reference.evaluate(u, v, dv=1)
     area = np.linalg.norm(np.cross(fu, fv), axis=1)
     kept = own if own.any() else own[:1]
-    moves = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]
-    over = sky(surface, uv, degree, shadows)
-    return Samples(uv, T, area / area.mean(), moves, over)
+    expression_offsets = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]
+    transfer = radiance_transfer(surface, uv, degree, shadows)
+    return Samples(uv, T, area / area.mean(), expression_offsets, transfer)

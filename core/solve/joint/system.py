@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve
 from ...camera.camera import PARAMETERS, Camera
 from ...photometry.sampling import IntensityField
 from ...surface.bspline import BSplineSurface
-from ..motion import Observations
+from ..motion import LandmarkObservations
 from .block_banded import BlockCholesky, block_cholesky
 from .gram import gram
 
@@ -160,7 +160,7 @@ def normal_equations(
 
 def add_landmarks(
     blocks: Blocks,
-    seen: Observations,
+    seen: LandmarkObservations,
     cameras: Sequence[Camera],
     surface: BSplineSurface,
     offset: Array,

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from ...camera.camera import Camera
 from ...errors import PhotoFailure, ReconstructionError
 from ...surface.bspline import BSplineSurface
-from .motion import LandmarkObservations, estimate_poses, warp
+from .motion import PaperLandmarks, estimate_poses, warp
 from .photometric import RANK, SvdPhotometric, photometric_svd
 from .shading import NormalRows, ShadingParameters, shading_step
 
@@ -262,7 +262,7 @@ def imls(
 
 
 def paper_steps(
-    landmarks: LandmarkObservations,
+    landmarks: PaperLandmarks,
     shape: tuple[int, int],
     uv: Array,
     sample: Callable[[BSplineSurface, Cameras], tuple[Array, Array]],

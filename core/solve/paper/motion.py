@@ -43,7 +43,7 @@ RIDGE = 1e-3
 
 
 @dataclass(frozen=True)
-class LandmarkObservations:
+class PaperLandmarks:
     """Landmarks of all photos and where they lie on the surface.
 
     Parameters
@@ -82,7 +82,7 @@ class LandmarkObservations:
 
 
 def estimate_poses(
-    b: Array, shape: tuple[int, int], landmarks: LandmarkObservations
+    b: Array, shape: tuple[int, int], landmarks: PaperLandmarks
 ) -> tuple[Camera | PhotoFailure, ...]:
     """``s, R, t`` of every photo from the surface ``b`` (M*N, 3), section 2.3.1."""
     Q = basis_matrix(shape, *landmarks.uv.T) @ b
@@ -99,7 +99,7 @@ def estimate_poses(
 
 
 def motion_vector(
-    cameras: Sequence[Camera | PhotoFailure], landmarks: LandmarkObservations
+    cameras: Sequence[Camera | PhotoFailure], landmarks: PaperLandmarks
 ) -> tuple[Array, Array, Array]:
     """``f`` and ``P``, divided by the scales, and the weights of the observations.
 
@@ -130,7 +130,7 @@ def warp(
     b0: Array,
     shape: tuple[int, int],
     cameras: Sequence[Camera | PhotoFailure],
-    landmarks: LandmarkObservations,
+    landmarks: PaperLandmarks,
     zeta: float = 1e-3,
 ) -> tuple[Array, dict[str, float]]:
     """Eq. 8 by the closed form of Algorithm 1, factorised sparsely.
@@ -191,7 +191,7 @@ def landmark_rms(
     b: Array,
     shape: tuple[int, int],
     cameras: Sequence[Camera | PhotoFailure],
-    landmarks: LandmarkObservations,
+    landmarks: PaperLandmarks,
 ) -> float:
     """Root mean square landmark residual of the surface ``b``, mm on the face."""
     f, P, w = motion_vector(cameras, landmarks)

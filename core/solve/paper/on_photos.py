@@ -14,14 +14,14 @@ from ...images.photo import Photo
 from ...photometry import harmonics
 from ...photometry.lighting import PhotometricEvidence, light_diversity, robust_normals
 from ...photometry.sampling import smooth_photo, view_weights
-from ...progress import Tick, no_tick
+from ...progress import CheckCancelled, never_cancelled
 from ...settings import Settings
 from ...surface.bspline import BSplineSurface
 from ...surface.template import Template
 from ..joint.samples import sample_grid
-from ..motion import Observations
+from ..motion import LandmarkObservations
 from .algorithm1 import ImlsState, Limits, NormalField, Steps, imls, paper_steps
-from .motion import LandmarkObservations
+from .motion import PaperLandmarks
 from .shading import ShadingParameters
 
 Array = NDArray[np.float64]
@@ -35,18 +35,18 @@ def sample_photos(
     cameras: Sequence[Camera],
     uv: Array,
     blur_mm: float = BLUR_MM,
-    tick: Tick = no_tick,
+    check_cancelled: CheckCancelled = never_cancelled,
 ) -> tuple[Array, Array]:
     """The matrix ``M`` of section 2.2.1 and its visibility weights, ``(n, p)`` each.
 
-    Intensities are luminances over the median of their photo. ``tick`` is called for
+    Intensities are luminances over the median of their photo. ``check_cancelled`` is called for
     each of them.
     """
     view = view_weights(surface, cameras, uv)
     points = surface.evaluate(*uv.T)
     M = np.zeros_like(view)
     for i, (photo, camera) in enumerate(zip(photos, cameras, strict=True)):
-        tick()
+        check_cancelled()
         value, _, inside = smooth_photo(photo, camera, blur_mm).read(
             camera.project(points)
         )
@@ -60,10 +60,10 @@ def sample_photos(
 def run_imls(
     photos: Sequence[Photo],
     template: Template,
-    seen: Observations,
+    seen: LandmarkObservations,
     settings: Settings,
     on_state: Callable[[ImlsState], None],
-    tick: Tick = no_tick,
+    check_cancelled: CheckCancelled = never_cancelled,
 ) -> tuple[BSplineSurface, tuple[Camera, ...], PhotometricEvidence]:
     """Run Algorithm 1 to its end.
 
@@ -86,7 +86,7 @@ def run_imls(
     evidence : PhotometricEvidence
     """
     uv = sample_grid(template, GRID)
-    marks = LandmarkObservations(
+    marks = PaperLandmarks(
         seen.pixels,
         seen.weight,
         template.landmark_uv[seen.index],
@@ -101,7 +101,9 @@ def run_imls(
             if isinstance(c, Camera)
         ]
         shown, seen_by = [p for p, _ in pairs], [c for _, c in pairs]
-        return sample_photos(shown, surface, seen_by, uv, tick=tick)
+        return sample_photos(
+            shown, surface, seen_by, uv, check_cancelled=check_cancelled
+        )
 
     steps = paper_steps(
         marks,
@@ -112,7 +114,9 @@ def run_imls(
         shading=ShadingParameters(lam=settings.lam),
     )
     if settings.method == "imls":
-        steps = replace(steps, photometric=_robust(sample, uv, settings, tick))
+        steps = replace(
+            steps, photometric=_robust(sample, uv, settings, check_cancelled)
+        )
     state = None
     for state in imls(template.surface, uv, steps, Limits(outer=settings.outer_passes)):
         on_state(state)
@@ -120,7 +124,11 @@ def run_imls(
     cameras = tuple(c for c in state.cameras if isinstance(c, Camera))
     M, view = sample(state.surface, state.cameras)
     normals, albedo, lights, W = robust_normals(
-        M, view, state.surface.normals(*uv.T), noise=settings.intensity_noise, tick=tick
+        M,
+        view,
+        state.surface.normals(*uv.T),
+        noise=settings.intensity_noise,
+        check_cancelled=check_cancelled,
     )
     residual = M - albedo * (lights @ harmonics.basis(normals).T)
     evidence = PhotometricEvidence(
@@ -135,7 +143,9 @@ def run_imls(
     return state.surface, cameras, evidence
 
 
-def _robust(sample, uv: Array, settings: Settings, tick: Tick) -> Steps | Any:
+def _robust(
+    sample, uv: Array, settings: Settings, check_cancelled: CheckCancelled
+) -> Steps | Any:
     def photometric(surface, template, cameras) -> NormalField:
         M, view = sample(surface, cameras)
         normals, _, _, W = robust_normals(
@@ -144,7 +154,7 @@ def _robust(sample, uv: Array, settings: Settings, tick: Tick) -> Steps | Any:
             surface.normals(*uv.T),
             order=4 if settings.light_degree == 1 else 9,
             noise=settings.intensity_noise,
-            tick=tick,
+            check_cancelled=check_cancelled,
         )
         total = W.sum(0)
         return NormalField(normals, total / max(float(np.median(total)), 1e-9), None)

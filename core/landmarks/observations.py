@@ -1,0 +1,87 @@
+"""The landmarks of all photos in one table: what the solvers read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._types import Array, Indices
+from ..images.photo import Photo
+from ..surface.template import Template
+from .landmarks import Landmarks
+
+
+@dataclass(frozen=True)
+class LandmarkObservations:
+    """Landmarks of n photos, each the image of one surface point.
+
+    Attributes
+    ----------
+    pixels : (n, f, 2) array
+        Positions in the photos, pixels; anything where the weight is 0.
+    weight : (n, f) array
+        0 where a landmark is missing, 1 for the detector's usual accuracy, more for
+        landmarks that were placed by hand.
+    index : (f,) int array
+        Which of the template's 468 landmarks.
+    uv : (f, 2) array
+        Their parameters on the surface, ``(u(i), v(i))`` of Eq. 4.
+    principal : (n, 2) array
+        Principal point of each photo, pixels.
+    names : tuple of n str
+        The photos, for messages.
+    """
+
+    pixels: Array
+    weight: Array
+    index: Indices
+    uv: Array
+    principal: Array
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n, f = self.pixels.shape[:2]
+        found = (self.weight.shape, self.index.shape, self.uv.shape)
+        if self.pixels.shape != (n, f, 2) or found != ((n, f), (f,), (f, 2)):
+            raise ValueError(
+                "landmarks need pixels (n, f, 2), weight (n, f), index (f,) and uv "
+                f"(f, 2); got {self.pixels.shape} and {found}"
+            )
+        if self.principal.shape != (n, 2):
+            raise ValueError(f"principal must be ({n}, 2), not {self.principal.shape}")
+        known = np.isfinite(self.pixels).all(2) & (self.weight > 0)
+        object.__setattr__(self, "weight", np.where(known, self.weight, 0.0))
+        object.__setattr__(self, "pixels", np.where(known[..., None], self.pixels, 0.0))
+        if len(self.names) != n:
+            names = tuple(f"photo {i + 1}" for i in range(n))
+            object.__setattr__(self, "names", names)
+
+
+def observe_landmarks(
+    photos: Sequence[Photo], landmarks: Sequence[Landmarks], template: Template
+) -> LandmarkObservations:
+    """The reliable landmarks of all photos, on the template's numbering.
+
+    Landmarks that no photo has are left out.
+    """
+    n, count = len(photos), len(template.landmark_uv)
+    pixels, weight = np.zeros((n, count, 2)), np.zeros((n, count))
+    for i, marks in enumerate(landmarks):
+        which = template.schemes[marks.scheme]
+        pixels[i, which], weight[i, which] = marks.points, marks.weight
+    index = np.flatnonzero(template.landmark_reliable & (weight > 0).any(0))
+    return LandmarkObservations(
+        pixels[:, index],
+        weight[:, index],
+        index,
+        template.landmark_uv[index],
+        np.array([principal_point(photo) for photo in photos]).reshape(-1, 2),
+        tuple(photo.name for photo in photos),
+    )
+
+
+def principal_point(photo: Photo) -> tuple[float, float]:
+    """The centre of the whole original picture, pixels."""
+    return (photo.size[0] - 1) / 2, (photo.size[1] - 1) / 2
