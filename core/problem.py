@@ -19,6 +19,7 @@ from .images.photo import Photo
 from .landmarks.landmarks import Landmarks
 from .landmarks.observations import LandmarkObservations
 from .photometry.lighting import PhotometricEvidence
+from .progress import CheckCancelled
 from .settings import Settings
 from .surface.bspline import BSplineSurface
 from .surface.prior import ShapePrior
@@ -168,7 +169,6 @@ class Iteration(NamedTuple):
     total: int
 
 
-#: Called between the parts of a step; raises `Cancelled` to stop the job.
-Check = Callable[[], None]
 #: A way from the motion estimate to the face; yields one iteration per step.
-Method = Callable[[Problem, FaceEstimate, Check], Iterator[Iteration]]
+#: The last argument is called between the parts of a step; it may raise `Cancelled`.
+Method = Callable[[Problem, FaceEstimate, CheckCancelled], Iterator[Iteration]]

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 #: Parameters of `Camera.moved`: rotation vector (3, radians, applied after R), relative
 #: scale, shift in millimetres at the head (2), relative change of kappa.
 PARAMETERS = 7
+#: Index of the relative change of kappa, the inverse distance, among them.
+DISTANCE = 6
 
 
 @dataclass(frozen=True)
