@@ -9,7 +9,7 @@ import numpy as np
 from bsface.camera.camera import PARAMETERS, Camera
 from bsface.camera.linear_pose import linear_pose
 from bsface.landmarks.landmarks import Landmarks
-from bsface.solve.alignment import fit_similarity
+from bsface.surface.alignment import fit_similarity
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.template import Template
 from numpy.typing import NDArray

@@ -14,34 +14,61 @@ integers.
 import logging
 
 from . import _start as _start  # first: before what takes long to import
-from .errors import Cancelled, PhotoFailure, ReconstructionError
+from .camera.camera import Camera
+from .compare import Comparison, compare
+from .errors import Cancelled, FailureCode, PhotoFailure, ReconstructionError
+from .formats import export
+from .formats.face_file import load_face as load
+from .images.photo import Photo, list_photos
+from .landmarks.landmarks import Landmarks, read_landmarks, write_landmarks
+from .problem import Constraint
 from .progress import Progress, Step
 from .reconstruct import reconstruct
-from .result import PhotoReport, Reconstruction
+from .report.report import write_report
+from .result import PhotoReport, Provenance, Reconstruction
 from .settings import Settings
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
+from .texture.bake import Texture, bake_texture, write_texture
 from .track import TrackedPhoto, Tracking, track
+from .versions import VERSION
 
 # A library says nothing by itself; what it logs is the results' warnings.
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 __all__ = [
     "BSplineSurface",
+    "Camera",
     "Cancelled",
+    "Comparison",
+    "Constraint",
+    "FailureCode",
+    "Landmarks",
+    "Photo",
     "PhotoFailure",
     "PhotoReport",
     "Progress",
+    "Provenance",
     "Reconstruction",
     "ReconstructionError",
     "Settings",
     "Step",
     "Template",
+    "Texture",
     "TrackedPhoto",
     "Tracking",
+    "bake_texture",
+    "compare",
+    "export",
+    "list_photos",
+    "load",
     "load_template",
+    "read_landmarks",
     "reconstruct",
     "track",
+    "write_landmarks",
+    "write_report",
+    "write_texture",
 ]

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from .drawing.pictures import colour_map
 from .drawing.render import render_views
-from .solve.alignment import Similarity, eye_distance, fit_similarity
+from .surface.alignment import Similarity, eye_distance, fit_similarity
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
 from .texture.views import surface_maps, texel_centres

@@ -7,21 +7,34 @@ says why it was left out.
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 
-FAILURE_CODES = (
-    "unreadable",
-    "too_large",
-    "no_face",
-    "small_face",
-    "blurred",
-    "dark",
-    "bright",
-    "implausible",
-    "other_person",
-    "ignored",
-    "duplicate",
-)
+
+class FailureCode(StrEnum):
+    """Why a photo is not used: a code for programs, a `label` for people."""
+
+    label: str
+
+    def __new__(cls, code: str, label: str) -> FailureCode:
+        member = str.__new__(cls, code)
+        member._value_ = code
+        member.label = label
+        return member
+
+    UNREADABLE = "unreadable", "cannot be read"
+    TOO_LARGE = "too_large", "too large"
+    NO_FACE = "no_face", "no face found"
+    SMALL_FACE = "small_face", "face too small"
+    BLURRED = "blurred", "blurred"
+    DARK = "dark", "too dark"
+    BRIGHT = "bright", "too bright"
+    IMPLAUSIBLE = "implausible", "landmarks form no face"
+    OTHER_PERSON = "other_person", "somebody else"
+    IGNORED = "ignored", "set aside"
+    DUPLICATE = "duplicate", "duplicate"
 
 
 class ReconstructionError(Exception):
@@ -45,6 +58,20 @@ def out_of_memory(error: BaseException) -> bool:
     )
 
 
+@contextlib.contextmanager
+def memory_reported() -> Iterator[None]:
+    """Within the block a lack of memory, of whichever library, becomes a sentence."""
+    try:
+        yield
+    except Exception as error:
+        if not out_of_memory(error):
+            raise
+        raise ReconstructionError(
+            "There is not enough memory; use fewer photos or a smaller net "
+            "(control_points 30, 30)."
+        ) from None
+
+
 @dataclass(frozen=True)
 class PhotoFailure:
     """Why one photo is not used; falsy, so ``if not photo:`` reads well.
@@ -53,19 +80,18 @@ class PhotoFailure:
     ----------
     name : str
         The photo's name as in the report.
-    code : str
-        One of `FAILURE_CODES`, for programs.
+    code : FailureCode
+        For programs; may be given by its value.
     reason : str
         One sentence with the file's name and the remedy, for people.
     """
 
     name: str
-    code: str
+    code: FailureCode | str
     reason: str
 
     def __post_init__(self) -> None:
-        if self.code not in FAILURE_CODES:
-            raise ValueError(f"unknown failure code {self.code!r}")
+        object.__setattr__(self, "code", FailureCode(self.code))
 
     def __bool__(self) -> bool:
         return False

@@ -1,4 +1,4 @@
-"""What travels through a reconstruction: the problem, estimates of the face, iterations.
+"""What travels through a reconstruction: problem, estimates, iterations.
 
 `prepare` makes a `Problem` out of photos; motion and then a method turn it into better
 and better `FaceEstimate`s, one per `Iteration`; `finish` makes the result of the last.
@@ -6,8 +6,8 @@ and better `FaceEstimate`s, one per `Iteration`; `finish` makes the result of th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -65,12 +65,15 @@ class PhotoCollection:
         The photos that are left out, in folder order.
     identity_warnings : tuple of str
         Whether all photos show one person, in sentences; empty if they seem to.
+    hashes : mapping of photo name to str
+        SHA-256 of each photo that was read: of its file, or of its pixels.
     """
 
     photos: tuple[Photo, ...]
     landmarks: tuple[Landmarks, ...]
     failures: tuple[PhotoFailure, ...] = ()
     identity_warnings: tuple[str, ...] = ()
+    hashes: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +93,8 @@ class Problem:
     settings : Settings
     constraint : Constraint or None
         Control points that stay.
+    target : BSplineSurface or None
+        Where they belong in the result, in the frame of results.
     """
 
     collection: PhotoCollection
@@ -98,6 +103,7 @@ class Problem:
     landmarks: LandmarkObservations
     settings: Settings
     constraint: Constraint | None = None
+    target: BSplineSurface | None = None
 
     @property
     def photos(self) -> tuple[Photo, ...]:

@@ -1,9 +1,10 @@
-"""What a running job tells: one `Step` per piece of work done."""
+"""What a running job tells: one `Step` per piece of work, and the time of each stage."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 STAGES = ("photos", "landmarks", "motion", "shading", "refine", "output")
 
@@ -38,4 +39,60 @@ CheckCancelled = Callable[[], None]
 
 
 def never_cancelled() -> None:
-    """The tick of a job that nobody watches."""
+    """For a job that nobody can cancel."""
+
+
+# Share of the whole time at which each stage ends, measured on 40 photos of 400 px.
+ENDS = {"photos": 0.05, "landmarks": 0.2, "motion": 0.25, "refine": 0.98, "output": 1.0}
+
+
+@dataclass
+class Clock:
+    """Tells the progress of a job and notes what each stage took.
+
+    Parameters
+    ----------
+    progress : Progress or None
+        Whom to tell; may raise `Cancelled`.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Of the stages that are over.
+    """
+
+    progress: Progress | None
+
+    def __post_init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.last = time.perf_counter()
+        self.newest: Step | None = None
+
+    def lap(self, stage: str) -> None:
+        """A stage is over."""
+        now = time.perf_counter()
+        self.seconds[stage] = now - self.last
+        self.last = now
+
+    def nested(self, stage: str) -> Progress | None:
+        """A callback for a stage that reports its own fraction."""
+        if self.progress is None:
+            return None
+        tell = self.progress
+        return lambda step: tell(replace(step, overall=step.overall * ENDS[stage]))
+
+    def tell(self, stage: str, done: int, total: int, message: str) -> None:
+        """Report ``done`` of ``total`` pieces of a stage."""
+        if self.progress is None:
+            return
+        names = list(ENDS)
+        k = names.index(stage)
+        low = ENDS[names[k - 1]] if k else 0.0
+        overall = low + (ENDS[stage] - low) * done / max(total, 1)
+        self.newest = Step(stage, done, total, overall, message)
+        self.progress(self.newest)
+
+    def check_cancelled(self) -> None:
+        """The newest step again: no news, but a chance to stop."""
+        if self.progress is not None and self.newest is not None:
+            self.progress(self.newest)

@@ -1,69 +1,69 @@
-"""Photos of one person in, a face out: the only module that knows the whole way."""
+"""Photos of one person in, a face out: the whole way on one page.
+
+Photos become a `Problem`; motion and then a method turn it into better and better
+estimates of the face; `finish` makes the result of the last one (docs/method.md).
+"""
 
 from __future__ import annotations
 
-import contextlib
 import logging
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from .camera.camera import Camera
-from .camera.coverage import shortcomings
-from .camera.linear_pose import linear_pose
-from .clock import Clock
-from .errors import ReconstructionError, out_of_memory
+from .errors import memory_reported
+from .finish import finish
 from .landmarks.landmarks import Landmarks
-from .photo_reports import photo_reports
-from .photometry import harmonics
-from .photometry.lighting import PhotometricEvidence
-from .prepare import PhotoCollection, collect_photos
-from .progress import Progress
-from .result import Reconstruction
+from .prepare import Inputs, Photos, TemplateLike, prepare
+from .problem import Constraint, FaceEstimate, Iteration, Method, Problem
+from .progress import CheckCancelled, Clock, Progress
+from .result import HistoryEntry, Reconstruction
 from .settings import Settings
-from .solve.alignment import head_frame
-from .solve.constraint import Constraint, edited_template, hold
+from .solve.constraint import hold
 from .solve.expression import select_neutral
-from .solve.joint.refine import JointOptions, Level, refine
-from .solve.known_face import personalise_landmarks
-from .solve.motion import Bundle, LandmarkObservations, MotionOptions, estimate_motion
-from .solve.paper.on_photos import run_imls
-from .surface.bspline import BSplineSurface
-from .surface.prior import shape_prior
-from .surface.template import Template, load_template
+from .solve.joint.method import joint
+from .solve.motion import motion
+from .solve.paper.methods import imls, paper
 from .threads import one_blas_thread
 
-Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 FEWEST_FOR_SHADING = 3
-# What the normal matrix cannot know: light and skin are not quite as modelled.
-# Added in quadrature it brings the stated deviation near the truth on the sets with
-# ground truth (reliability table of the accuracy page); more where expressions differ.
-MODEL_ERROR_MM = 0.45
-MIXED_MODEL_ERROR_MM = 0.8
+
+
+def motion_only(
+    problem: Problem, estimate: FaceEstimate, check_cancelled: CheckCancelled
+) -> Iterator[Iteration]:
+    """The face that the landmarks alone give: nothing is added to motion."""
+    yield from ()
+
+
+#: What `Settings.method` names.
+METHODS: dict[str, Method] = {
+    "joint": joint,
+    "imls": imls,
+    "paper": paper,
+    "motion": motion_only,
+}
 
 
 def reconstruct(
-    photos: str | os.PathLike | Sequence,
-    settings: Settings | None = None,
+    photos: Photos,
+    settings: Settings | Mapping[str, Any] | None = None,
     *,
-    template: Template | BSplineSurface | str | os.PathLike | None = None,
+    template: TemplateLike | None = None,
     progress: Progress | None = None,
     ignore: Sequence[str] = (),
     landmarks: Mapping[str, Landmarks] | None = None,
-    held: Constraint | None = None,
+    constraint: Constraint | None = None,
+    **changes: Any,
 ) -> Reconstruction:
     """Reconstruct a face from photos of one person.
 
     Parameters
     ----------
     photos : folder, or sequence of paths or of (H, W, 3) RGB arrays
-    settings : Settings, optional
+    settings : Settings or mapping, optional
     template : Template, path of a template file, or BSplineSurface, optional
         Another ``b_t``; a bare surface (an edited result) keeps the landmarks and modes
         of the bundled template.
@@ -73,8 +73,10 @@ def reconstruct(
         Names of photos that are not to be used.
     landmarks : mapping of photo name to Landmarks, optional
         Win over files and over the detector.
-    held : Held, optional
-        Control points of the template that stay; not for the classic methods.
+    constraint : Constraint, optional
+        Control points of the template that stay where it has them.
+    **changes
+        Single settings, such as ``method="motion"``.
 
     Returns
     -------
@@ -86,305 +88,53 @@ def reconstruct(
         The job failed; one sentence says why and what to do.
     Cancelled
         Raised by ``progress``, passed on.
+    TypeError, ValueError
+        An argument is of the wrong kind, or a setting is not possible.
     """
-    settings = settings or Settings()
+    chosen = Settings.of(settings, changes)
+    inputs = Inputs(template, landmarks or {}, ignore, constraint)
     clock = Clock(progress)
-    with one_blas_thread(), _memory_told():
-        model = _template(template, settings)
-        settings = replace(settings, control_points=model.surface.shape)
-        collection = collect_photos(
-            photos,
-            settings,
-            clock.nested("landmarks"),
-            template=model,
-            landmarks=landmarks,
-            ignore=ignore,
-        )
+    with one_blas_thread(), memory_reported():
+        problem = prepare(photos, chosen, inputs, clock.nested("landmarks"))
         clock.lap("landmarks")
-        return solve(collection, settings, model, clock, held)
-
-
-@contextlib.contextmanager
-def _memory_told() -> Iterator[None]:
-    """Want of memory, of whichever library, as a sentence."""
-    try:
-        yield
-    except Exception as error:
-        if not out_of_memory(error):
-            raise
-        raise ReconstructionError(
-            "There is not enough memory; use fewer photos or a smaller net "
-            "(control_points 30, 30)."
-        ) from None
+        return solve(problem, clock)
 
 
 @one_blas_thread()
-def solve(
-    collection: PhotoCollection,
-    settings: Settings,
-    template: Template,
-    clock: Clock | None = None,
-    held: Constraint | None = None,
-) -> Reconstruction:
-    """The reconstruction from photos whose landmarks are known."""
+def solve(problem: Problem, clock: Clock | None = None) -> Reconstruction:
+    """Motion, the method of the settings, and the result."""
     clock = clock or Clock(None)
-    if not collection.photos:
-        raise ReconstructionError("No photo can be used; see the reasons per photo.")
-    clock.tell("motion", 0, 1, "adjusting poses and landmarks")
-    prior = shape_prior(
-        template,
-        settings.modes,
-        settings.expression_modes,
-        settings.smooth_mm,
-        settings.smooth_length,
-    )
-    clock.check_cancelled()
-    seen = observations(collection, template)
-    cameras = _linear_cameras(collection, template, seen, settings)
-    options = motion_options(settings)
-    bundle = estimate_motion(
-        template, prior, seen, cameras, options, clock.check_cancelled
-    )
-    history: list[dict[str, Any]] = [
-        {"stage": "motion", "residual": r, "step_mm": 0.0} for r in bundle.history
-    ]
-    clock.tell("motion", 1, 1, "poses and landmarks adjusted together")
+    history: list[HistoryEntry] = []
+    clock.tell("motion", 0, 1, "estimating poses and landmarks")
+    for iteration in motion(problem, clock.check_cancelled):
+        history.append(HistoryEntry.of(iteration))
+        estimate = iteration.estimate
+    clock.tell("motion", 1, 1, "poses and landmarks estimated")
     clock.lap("motion")
-    method = settings.method
-    progress = _Progress(history, clock)
-    evidence: PhotometricEvidence | None = None
-    deviation: Array | None = None
-    if method in ("imls", "paper"):
-        shown, evidence = _classic(
-            collection, template, seen, settings, bundle, progress
-        )
-    elif method == "motion" or len(collection.photos) < FEWEST_FOR_SHADING:
-        shown, _ = select_neutral(bundle, template, seen)
-        shown = _holding(shown, template, settings, held)
-    else:
-        shown, evidence, deviation = _joint(
-            collection, template, prior, seen, bundle, settings, progress, held
-        )
+    name = problem.settings.method
+    if name == "joint" and len(problem.photos) < FEWEST_FOR_SHADING:
+        name = "motion"
+    estimate = constrained(problem, select_neutral(problem, estimate))
+    clock.tell("refine", 0, 1, "measuring light and shape")
+    for iteration in METHODS[name](problem, estimate, clock.check_cancelled):
+        history.append(HistoryEntry.of(iteration))
+        estimate = iteration.estimate
+        moved = f"{iteration.stage}: the surface moved {iteration.step_mm:.2f} mm"
+        clock.tell("refine", iteration.done, iteration.total, moved)
     clock.lap("refine")
-    result = Reconstruction(
-        surface=shown.surface,
-        template=template,
-        photos=collection.photos,
-        landmarks=collection.landmarks,
-        cameras=shown.cameras,
-        photometric=evidence,
-        reports=(),
-        confidence=deviation,
-        settings=settings,
-        history=tuple(history),
-        expressions=shown.expressions,
-    )
-    result = _in_head_frame(result)
-    reports = photo_reports(collection, template, shown, seen, evidence)
-    warnings = collection.identity_warnings + shortcomings(
-        np.array([c.yaw_pitch_roll for c in result.cameras]),
-        None if evidence is None else evidence.singular_values,
-    )
+    result = finish(problem, estimate, history)
     clock.tell("output", 1, 1, "face finished")
     clock.lap("output")
-    for sentence in warnings:
+    for sentence in result.warnings:
         logger.warning(sentence)
-    return replace(
-        result, reports=reports, warnings=warnings, seconds=dict(clock.seconds)
-    )
+    return replace(result, seconds=dict(clock.seconds))
 
 
-def observations(
-    collection: PhotoCollection, template: Template
-) -> LandmarkObservations:
-    """Landmarks of all photos on the numbering of the template's reliable ones."""
-    index = np.flatnonzero(template.landmark_reliable)
-    n, count = len(collection.photos), len(template.landmark_uv)
-    pixels, weight = np.zeros((n, count, 2)), np.zeros((n, count))
-    for i, marks in enumerate(collection.landmarks):
-        which = template.schemes[marks.scheme]
-        pixels[i, which], weight[i, which] = marks.points, marks.weight
-    used = index[(weight[:, index] > 0).any(0)]
-    return LandmarkObservations(pixels[:, used], weight[:, used], used)
-
-
-def motion_options(settings: Settings) -> MotionOptions:
-    """Options of the motion stage."""
-    return MotionOptions(
-        offset_mm=settings.landmark_offset_mm,
-        noise_mm=settings.landmark_noise_mm,
-        distance_mm=settings.distance_mm,
-        expression=1.0 if settings.expressions else 0.0,
-    )
-
-
-def joint_options(settings: Settings) -> JointOptions:
-    """Options of the joint stage: three levels, from coarse to fine."""
-    fine, steps = settings.finest_blur_mm, settings.iterations
-    levels = (
-        Level(3.75 * fine, 3 * steps, 40),
-        Level(1.9 * fine, 2 * steps, 50),
-        Level(fine, steps, 75),
-    )
-    return JointOptions(
-        levels=levels,
-        noise=settings.intensity_noise,
-        independence=settings.independence,
-        degree=settings.light_degree,
-        shadows=settings.shadows,
-        distance_mm=settings.distance_mm,
-    )
-
-
-def _holding(bundle: Bundle, template, settings, held: Constraint | None) -> Bundle:
-    """The bundle with held control points near where the template has them."""
-    if held is None or not held.points.any():
-        return bundle
-    surface = hold(
-        bundle.surface,
-        template.surface.control_points,
-        held.points,
-        held.softness_mm,
-        settings.smooth_mm,
-        settings.smooth_length,
-    )
-    moved = surface.vector - bundle.surface.vector
-    return replace(bundle, surface=surface, smooth=bundle.smooth + moved)
-
-
-def _joint(
-    collection, template, prior, seen, bundle: Bundle, settings, progress, held=None
-):
-    options = joint_options(settings)
-    steps = [level.iterations for level in options.levels]
-    total = sum(steps)
-    progress.clock.tell("refine", 0, total, "measuring light and shape together")
-    bundle, weights = select_neutral(bundle, template, seen)
-    bundle = _holding(bundle, template, settings, held)
-    kept = None if held is None else held.weight
-    state = None
-    for state in refine(
-        template,
-        prior,
-        bundle,
-        collection.photos,
-        seen,
-        options,
-        weights,
-        progress.clock.check_cancelled,
-        kept,
-    ):
-        progress.history.append(
-            {"stage": "refine", "residual": state.residual, "step_mm": state.step_mm}
-        )
-        message = f"largest step {state.step_mm:.2f} mm"
-        done = sum(steps[: state.level]) + state.turn
-        progress.clock.tell("refine", done, total, message)
-    assert state is not None
-    # Where the landmarks sit on this face, seen from where the cameras are now.
-    known = personalise_landmarks(
-        state.surface,
-        template,
-        state.cameras,
-        seen,
-        motion_options(settings),
-        bundle.expressions,
-    )
-    deviation = None
-    if state.deviation is not None:
-        mixed = bool(bundle.expressions.any())
-        floor = MIXED_MODEL_ERROR_MM if mixed else MODEL_ERROR_MM
-        deviation = np.hypot(state.deviation, floor)
-        deviation = deviation.reshape(template.surface.shape)
-    shown = replace(
-        bundle,
-        surface=state.surface,
-        cameras=state.cameras,
-        structure=known.marks,
-    )
-    return shown, state.evidence(), deviation
-
-
-def _classic(collection, template, seen, settings, bundle: Bundle, progress):
-    def on_state(state) -> None:
-        progress.history.append(
-            {"stage": state.stage, "step_mm": state.change_mm, **dict(state.figures)}
-        )
-        done = state.outer - (0 if state.finished else 0.5)
-        progress.clock.tell(
-            "refine",
-            int(2 * done),
-            2 * settings.outer_passes,
-            f"pass {state.outer}, {state.stage}: moved {state.change_mm:.2f} mm",
-        )
-
-    total = 2 * settings.outer_passes
-    progress.clock.tell("refine", 0, total, "measuring light")
-    surface, cameras, evidence = run_imls(
-        collection.photos,
-        template,
-        seen,
-        settings,
-        on_state,
-        progress.clock.check_cancelled,
-    )
-    shown = replace(
-        bundle,
-        surface=surface,
-        cameras=cameras,
-        structure=surface.evaluate(*template.landmark_uv[seen.index].T),
-        expressions=np.zeros_like(bundle.expressions),
-    )
-    return shown, evidence
-
-
-def _linear_cameras(collection, template, seen, settings) -> list[Camera]:
-    """Start: the paper's linear pose, at the typical distance."""
-    cameras = []
-    Q = template.landmark_xyz[seen.index]
-    kappa = 1 / settings.distance_mm if settings.perspective else 0.0
-    for i, photo in enumerate(collection.photos):
-        centre = ((photo.size[0] - 1) / 2, (photo.size[1] - 1) / 2)
-        pose = linear_pose(seen.pixels[i], Q, seen.weight[i], centre, photo.name)
-        if not isinstance(pose, Camera):
-            raise ReconstructionError(pose.reason)
-        cameras.append(replace(pose, kappa=kappa))
-    return cameras
-
-
-def _template(given, settings: Settings) -> Template:
-    if isinstance(given, BSplineSurface):
-        return edited_template(given, load_template())
-    try:
-        base = given if isinstance(given, Template) else load_template(given)
-    except ValueError as error:
-        raise ReconstructionError(str(error)) from error
-    return base.resampled(settings.control_points)
-
-
-def _in_head_frame(result: Reconstruction) -> Reconstruction:
-    """The same result in the frame and size that results have."""
-    move = head_frame(result.surface, result.template, result.settings.eye_distance_mm)
-    evidence = result.photometric
-    if evidence is not None:
-        turn = harmonics.rotation(move.R, evidence.lights.shape[1])
-        evidence = replace(
-            evidence,
-            normals=evidence.normals @ move.R.T,
-            lights=evidence.lights @ turn,
-        )
-    spread = result.confidence
-    return replace(
-        result,
-        surface=result.surface.transformed(move.scale, move.R, move.t),
-        cameras=tuple(c.rescaled(move.scale, move.R, move.t) for c in result.cameras),
-        photometric=evidence,
-        confidence=None if spread is None else move.scale * spread,
-    )
-
-
-class _Progress(NamedTuple):
-    """Where the stages write what they did."""
-
-    history: list[dict[str, Any]]
-    clock: Clock
+def constrained(problem: Problem, estimate: FaceEstimate) -> FaceEstimate:
+    """The estimate with constrained control points where the template has them."""
+    if problem.constraint is None:
+        return estimate
+    target = problem.template.surface.control_points
+    surface = hold(estimate.surface, target, problem.constraint, problem.prior)
+    moved = surface.vector - estimate.surface.vector
+    return replace(estimate, surface=surface, smooth=estimate.smooth + moved)

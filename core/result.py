@@ -1,23 +1,26 @@
-"""What a reconstruction is: the surface, and all that is known about how it came."""
+"""The result of a reconstruction: the surface, and all that is known about it."""
 
 from __future__ import annotations
 
+import base64
+import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ._types import Array
 from .camera.camera import Camera
 from .images.photo import Photo
 from .landmarks.landmarks import Landmarks
 from .photometry.lighting import PhotometricEvidence
+from .problem import Constraint, Iteration
 from .settings import Settings
 from .surface.bspline import BSplineSurface
 from .surface.template import Template
-
-Array = NDArray[np.float64]
+from .versions import VERSION, library_versions
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class PhotoReport:
     ----------
     name : str
     status : str
-        "used" or the code of a failure (`errors.FAILURE_CODES`).
+        "used" or the code of a failure (`errors.FailureCode`).
     reason : str
         Why it was left out, or a remark on a used photo.
     reprojection_pct : float
@@ -53,9 +56,48 @@ class PhotoReport:
     weight: float = float("nan")
 
 
+class HistoryEntry(NamedTuple):
+    """What is kept of an iteration; see `problem.Iteration`."""
+
+    stage: str
+    residual: float
+    step_mm: float
+
+    @classmethod
+    def of(cls, iteration: Iteration) -> HistoryEntry:
+        """The entry of an iteration."""
+        return cls(iteration.stage, iteration.residual, iteration.step_mm)
+
+
 @dataclass(frozen=True)
+class Provenance:
+    """Where a result comes from.
+
+    Attributes
+    ----------
+    program : str
+        Version of bsface.
+    libraries : mapping of name to version
+    hashes : mapping of photo name to str
+        SHA-256 of each photo that was read: of its file, or of its pixels.
+    date : str
+        When the file was written, ISO 8601 in UTC; empty before that.
+    """
+
+    program: str = ""
+    libraries: Mapping[str, str] = field(default_factory=dict)
+    hashes: Mapping[str, str] = field(default_factory=dict)
+    date: str = ""
+
+    @classmethod
+    def of_this_program(cls, hashes: Mapping[str, str]) -> Provenance:
+        """The provenance of a result that this process made."""
+        return cls(VERSION, library_versions(), dict(hashes))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Reconstruction:
-    """Result of `bsface.reconstruct`.
+    """Result of `bsface.reconstruct`, or of `bsface.load`, which has no pixels.
 
     Attributes
     ----------
@@ -69,17 +111,21 @@ class Reconstruction:
         Albedo, lights and normals; None for ``method="motion"``.
     reports : tuple of PhotoReport
         Every photo of the folder, in folder order.
-    confidence : (M, N) array or None
+    deviation : (M, N) array or None
         Standard deviation of the control points along their normals, mm.
     settings : Settings
-    history : tuple of mappings
-        One for each iteration: stage, residual, step in mm.
+    expressions : (n, k) array
+        Coefficients of the template's expression modes in each photo.
+    constraint : Constraint or None
+        Control points that were held.
+    history : tuple of HistoryEntry
+        One per iteration: stage, residual, step in mm.
     warnings : tuple of str
         What the photos cannot tell, in sentences.
     seconds : mapping
         Time of each stage.
-    expressions : (n, k) array
-        Coefficients of the template's expression modes in each photo.
+    provenance : Provenance
+        Versions, and a hash of each photo.
     """
 
     surface: BSplineSurface
@@ -89,9 +135,79 @@ class Reconstruction:
     cameras: tuple[Camera, ...]
     photometric: PhotometricEvidence | None
     reports: tuple[PhotoReport, ...]
-    confidence: Array | None
+    deviation: Array | None
     settings: Settings
-    history: tuple[Mapping[str, Any], ...] = ()
+    expressions: Array
+    constraint: Constraint | None = None
+    history: tuple[HistoryEntry, ...] = ()
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
-    expressions: Array | None = None
+    provenance: Provenance = field(default_factory=Provenance)
+
+    @property
+    def confidence(self) -> Array | None:
+        """The same as `deviation`: its name before version 0.2."""
+        return self.deviation
+
+    @property
+    def has_pixels(self) -> bool:
+        """Whether the photos are there, and not only their names and cameras."""
+        return bool(self.photos) and all(p.pixels.size for p in self.photos)
+
+    @property
+    def used(self) -> int:
+        """Number of photos that the face was made of."""
+        return sum(report.status == "used" for report in self.reports)
+
+    def with_surface(self, surface: BSplineSurface) -> Reconstruction:
+        """The same result with another surface, such as an edited one."""
+        if surface.shape != self.surface.shape:
+            return replace(
+                self,
+                surface=surface,
+                template=self.template.resampled(surface.shape),
+                deviation=None,
+                constraint=None,
+            )
+        return replace(self, surface=surface)
+
+    def save(self, path: str | os.PathLike, *, date: str | None = None) -> Path:
+        """Write a face file (``.npz``), which `bsface.load` reads.
+
+        Parameters
+        ----------
+        path : path-like
+        date : str, optional
+            Written in place of the present time, for files that are to be equal;
+            by default the environment's ``SOURCE_DATE_EPOCH`` or now.
+
+        Raises
+        ------
+        ReconstructionError
+            When the file cannot be written.
+        """
+        from .formats.face_file import save_face
+
+        return save_face(path, self, date=date)
+
+    def __repr__(self) -> str:
+        m, n = self.surface.shape
+        return (
+            f"<Reconstruction: {m} x {n} control points, method "
+            f"{self.settings.method!r}, {self.used} of {len(self.reports)} photos>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Three views of the face, for notebooks."""
+        from .drawing.pictures import encode_png
+        from .drawing.render import render_views
+
+        picture = encode_png(render_views(self.surface, self.template, height=300))
+        data = base64.b64encode(picture).decode("ascii")
+        text = repr(self)[1:-1]
+        return f'<p>{text}</p><img alt="{text}" src="data:image/png;base64,{data}">'
+
+
+def no_photo(name: str, size: tuple[int, int]) -> Photo:
+    """A photo of which only name and size are known."""
+    return Photo(name, None, size, np.zeros((0, 0, 3), np.uint8))

@@ -160,6 +160,21 @@ class Settings:
         return {**asdict(self), "control_points": list(self.control_points)}
 
     @classmethod
+    def of(
+        cls,
+        given: Settings | Mapping[str, Any] | None,
+        changes: Mapping[str, Any] | None = None,
+    ) -> Settings:
+        """Settings from what a caller may give, with single ones changed."""
+        if isinstance(given, Settings):
+            given = given.to_dict()
+        if given is not None and not isinstance(given, Mapping):
+            raise TypeError(
+                f"settings must be Settings or a mapping, not {type(given).__name__}."
+            )
+        return cls.from_dict({**(given or {}), **(changes or {})})
+
+    @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Settings:
         """Settings from plain values; unknown names are refused by name."""
         if not isinstance(values, Mapping):

@@ -1,6 +1,6 @@
-"""The project's own file: ``face.npz``.
+"""The project's own file, ``face.npz``: a reconstruction without pixels.
 
-Contract (version 1), readable by ``numpy.load(path, allow_pickle=False)``:
+Contract (version 2), readable by ``numpy.load(path, allow_pickle=False)``:
 
 ==================  ===========================================================
 ``control_points``  float64 (M, N, 3), millimetres; first index u (the picture's
@@ -12,179 +12,148 @@ Contract (version 1), readable by ``numpy.load(path, allow_pickle=False)``:
 ``report``          JSON text: a list with one entry for every photo of the
                     folder (name, status, reason, pose, residual)
 ``outline_uv``      float64 (k, 2): the face's outline in (u, v) of [0, 1]
-``about``           JSON text: file version, program version, history, warnings
+``about``           JSON text: file version, program version, versions of the
+                    libraries, date, hash of each photo, history, warnings
+``template_*``      ``control_points`` (M, N, 3), ``landmark_xyz`` (468, 3),
+                    ``eye_centres`` (2, 3) of the template, and the digest of
+                    the rest of it
 ``camera_*``        one row for every used photo: ``camera_photo`` (name),
-                    ``camera_R`` (n, 3, 3), ``camera_s`` (n,), ``camera_t``
-                    (n, 2), ``camera_kappa`` (n,), ``camera_principal`` (n, 2)
+                    ``camera_size`` (n, 2), ``camera_R`` (n, 3, 3), ``camera_s``
+                    (n,), ``camera_t`` (n, 2), ``camera_kappa`` (n,),
+                    ``camera_principal`` (n, 2)
 ``landmark_*``      of the same photos, joined: ``landmark_count`` (n,),
                     ``landmark_scheme`` (n,), ``landmark_points`` (sum, 2),
                     ``landmark_weight`` (sum,)
-``confidence``      float64 (M, N), mm; left out when unknown
+``expressions``     float64 (n, k): of the same photos
+``deviation``       float64 (M, N), mm; left out when unknown
 ``photometric_*``   ``uv`` (p, 2), ``normals`` (p, 3), ``albedo`` (p, 3),
-                    ``lights`` (n, 9), ``singular_values`` (k,); left out when
+                    ``lights`` (n, 9), ``singular_values`` (k,), and with three
+                    digits ``weights`` and ``residual`` (n, p); left out when
                     the run had none
+``constraint_*``    ``points`` (M, N) bool and ``softness_mm``; left out when no
+                    control point was held
 ==================  ===========================================================
 
 The first five are the promise; readers must tolerate the absence of the others.
-Nothing in the file depends on the clock: equal runs give equal bytes.
+Version 1 had ``confidence`` for ``deviation`` and none of the sizes, expressions,
+hashes, weights and the template's parts.
 """
 
 from __future__ import annotations
 
-import dataclasses
+import datetime
 import io
-import json
 import os
 import zipfile
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from .._types import Array
 from ..camera.camera import Camera
 from ..errors import ReconstructionError
 from ..files import replacing
+from ..images.photo import Photo
+from ..json_text import from_json, to_json
+from ..landmarks.landmarks import Landmarks
 from ..npz_arrays import floats, read_arrays
+from ..photometry.lighting import PhotometricEvidence
+from ..problem import Constraint
+from ..result import HistoryEntry, PhotoReport, Provenance, Reconstruction, no_photo
+from ..settings import Settings
 from ..surface.bspline import BSplineSurface
+from ..surface.template import Template, load_template
 
-Array = npt.NDArray[np.float64]
+Arrays = dict[str, npt.NDArray]
 
-FILE_VERSION = 1
-# Face files have a few hundred kilobytes; a small file may claim to hold anything.
-MAX_BYTES = 100_000_000
-# Name -> shape.
-_PHOTOMETRIC: dict[str, tuple[int | None, ...]] = {
-    "uv": (None, 2),
-    "normals": (None, 3),
-    "albedo": (None, 3),
-    "lights": (None, None),
-    "singular_values": (None,),
-}
-
-
-@dataclass(frozen=True)
-class SavedFace:
-    """What a face file holds.
-
-    Attributes
-    ----------
-    control_points : (M, N, 3) array
-        Millimetres.
-    knots_u, knots_v : (M + 4,), (N + 4,) arrays
-    settings : dict
-    report : list of dict
-        One for every photo of the folder.
-    about : dict
-        File version, program version, history, warnings.
-    outline_uv : (k, 2) array or None
-    camera_photos : tuple of str
-        Names of the used photos, in the order of ``cameras``.
-    cameras : tuple of Camera
-    landmark_schemes : tuple of str
-    landmark_points, landmark_weights : tuples of (f, 2) and (f,) arrays
-        For each used photo.
-    confidence : (M, N) array or None
-        Standard deviation, mm.
-    photometric : dict of arrays
-    """
-
-    control_points: Array
-    knots_u: Array
-    knots_v: Array
-    settings: dict[str, Any]
-    report: list[dict[str, Any]]
-    about: dict[str, Any] = field(default_factory=dict)
-    outline_uv: Array | None = None
-    camera_photos: tuple[str, ...] = ()
-    cameras: tuple[Camera, ...] = ()
-    landmark_schemes: tuple[str, ...] = ()
-    landmark_points: tuple[Array, ...] = ()
-    landmark_weights: tuple[Array, ...] = ()
-    confidence: Array | None = None
-    photometric: dict[str, Array] = field(default_factory=dict)
-
-    @property
-    def surface(self) -> BSplineSurface:
-        """The surface that the control points span."""
-        return BSplineSurface(self.control_points)
+FILE_VERSION = 2
+#: Face files have a few megabytes; a small file may claim to hold anything.
+MAX_BYTES = 500_000_000
+#: Control points along each side, and how far from the origin they may lie, mm.
+MAX_NET, MAX_MM = 256, 1e5
+MIN_MM = 1e-3  #: a surface that is smaller than this is none
+_CAMERA = {"R": (3, 3), "s": (), "t": (2,), "kappa": (), "principal": (2,)}
+_TEMPLATE = ("landmark_xyz", "eye_centres")
+OTHER_TEMPLATE = (
+    "The face was made of another template than the one it is read with; give that "
+    "template too, or its expressions and regions are not right."
+)
+_ROUNDED = ("weights", "residual")  # stored as float16
 
 
-def write_npz(path: str | os.PathLike, reconstruction: Any) -> Path:
-    """Write a reconstruction to a face file.
+# ------------------------------------------------------------------ writing
+def save_face(
+    path: str | os.PathLike, face: Reconstruction, *, date: str | None = None
+) -> Path:
+    """Write a face file; see `Reconstruction.save`.
 
-    Parameters
-    ----------
-    path : path-like
-        ``.npz`` is added when the name has no ending.
-    reconstruction : Reconstruction
-
-    Returns
-    -------
-    Path
-        The file that was written.
-
-    Raises
-    ------
-    ReconstructionError
-        When the file cannot be written.
+    ``.npz`` is added when the name has no ending.
     """
     path = Path(path)
     if not path.suffix:
         path = path.with_suffix(".npz")
     with replacing(path) as temporary:
-        temporary.write_bytes(npz_bytes(contents(reconstruction)))
+        temporary.write_bytes(npz_bytes(face_arrays(face, date or _now())))
     return path
 
 
-def contents(reconstruction: Any) -> dict[str, npt.NDArray]:
+def face_arrays(face: Reconstruction, date: str) -> Arrays:
     """The arrays of a face file, by name."""
-    surface = reconstruction.surface
-    m, n = surface.shape
-    arrays: dict[str, npt.NDArray] = {
-        "control_points": np.asarray(surface.control_points, np.float64),
+    m, n = face.surface.shape
+    template, origin = face.template, face.provenance
+    about = {
+        "file_version": FILE_VERSION,
+        "program": "bsface",
+        "version": origin.program,
+        "libraries": origin.libraries,
+        "date": date,
+        "units": "mm",
+        "hashes": origin.hashes,
+        "history": [entry._asdict() for entry in face.history],
+        "warnings": face.warnings,
+    }
+    arrays: Arrays = {
+        "control_points": face.surface.control_points,
         "knots_u": np.arange(m + 4, dtype=np.float64),
         "knots_v": np.arange(n + 4, dtype=np.float64),
-        "settings": np.array(to_json(reconstruction.settings.to_dict())),
-        "report": np.array(to_json(list(reconstruction.reports))),
-        "about": np.array(
-            to_json(
-                {
-                    "file_version": FILE_VERSION,
-                    "program": "bsface",
-                    "units": "mm",
-                    "history": list(reconstruction.history),
-                    "warnings": list(reconstruction.warnings),
-                }
-            )
-        ),
+        "settings": np.array(to_json(face.settings.to_dict())),
+        "report": np.array(to_json(face.reports)),
+        "about": np.array(to_json(about)),
+        "outline_uv": template.outline_uv,
+        "template_control_points": template.surface.control_points,
+        "template_digest": np.array(template.digest()),
+        **{f"template_{name}": getattr(template, name) for name in _TEMPLATE},
     }
-    if reconstruction.template is not None:
-        arrays["outline_uv"] = np.asarray(reconstruction.template.outline_uv, float)
-    if reconstruction.cameras:
-        arrays["camera_photo"] = np.array([p.name for p in reconstruction.photos])
-        for name in ("R", "s", "t", "kappa", "principal"):
-            arrays[f"camera_{name}"] = np.array(
-                [getattr(camera, name) for camera in reconstruction.cameras], float
-            )
-    if reconstruction.landmarks:
-        marks = reconstruction.landmarks
+    if face.cameras:
+        arrays["camera_photo"] = np.array([p.name for p in face.photos])
+        arrays["camera_size"] = np.array([p.size for p in face.photos], float)
+        arrays["expressions"] = face.expressions
+        for name in _CAMERA:
+            values = [getattr(camera, name) for camera in face.cameras]
+            arrays[f"camera_{name}"] = np.array(values, float)
+    if face.landmarks:
+        marks = face.landmarks
         arrays["landmark_count"] = np.array([len(m.points) for m in marks])
         arrays["landmark_scheme"] = np.array([m.scheme for m in marks])
         arrays["landmark_points"] = np.concatenate([m.points for m in marks])
         arrays["landmark_weight"] = np.concatenate([m.weight for m in marks])
-    if reconstruction.confidence is not None:
-        arrays["confidence"] = np.asarray(reconstruction.confidence, float)
-    if reconstruction.photometric is not None:
-        for name in _PHOTOMETRIC:
-            value = getattr(reconstruction.photometric, name, None)
-            if value is not None:
-                arrays[f"photometric_{name}"] = np.asarray(value, float)
+    if face.deviation is not None:
+        arrays["deviation"] = face.deviation
+    if face.photometric is not None:
+        for name, value in vars(face.photometric).items():
+            kind = np.float16 if name in _ROUNDED else np.float64
+            arrays[f"photometric_{name}"] = np.asarray(value, kind)
+    if face.constraint is not None:
+        arrays["constraint_points"] = np.asarray(face.constraint.points, bool)
+        arrays["constraint_softness_mm"] = np.array(face.constraint.softness_mm)
     return arrays
 
 
-def npz_bytes(arrays: dict[str, npt.NDArray]) -> bytes:
+def npz_bytes(arrays: Arrays) -> bytes:
     """An ``.npz`` archive whose bytes depend on the arrays alone.
 
     ``numpy.savez`` stamps each member with the present time; here all carry the
@@ -203,14 +172,41 @@ def npz_bytes(arrays: dict[str, npt.NDArray]) -> bytes:
     return archive.getvalue()
 
 
-def read_npz(path: str | os.PathLike) -> SavedFace:
+def _now() -> str:
+    """The time in UTC, or that of ``SOURCE_DATE_EPOCH`` (reproducible-builds.org)."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    zone = datetime.timezone.utc
+    if epoch.isdecimal():
+        moment = datetime.datetime.fromtimestamp(int(epoch), zone)
+    else:
+        moment = datetime.datetime.now(zone)
+    return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+# ------------------------------------------------------------------ reading
+def load_face(
+    path: str | os.PathLike, template: Template | None = None
+) -> Reconstruction:
     """Read a face file.
+
+    Parameters
+    ----------
+    path : path-like
+    template : Template, optional
+        That the face was made of, if it was not the bundled one.
+
+    Returns
+    -------
+    Reconstruction
+        Its photos have names and sizes, but no pixels.
 
     Raises
     ------
     ReconstructionError
-        When the file is absent, damaged, or not a face file.
+        When the file is absent, damaged, not a face file, or of a newer version.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"path must be the path of a face file, not {path!r:.60}.")
     path = Path(path)
     try:
         with path.open("rb") as file:
@@ -232,124 +228,240 @@ def read_npz(path: str | os.PathLike) -> SavedFace:
             "give the .npz of a reconstruction."
         )
     try:
-        return SavedFace(
-            **_surface(arrays),
-            settings=_json(arrays, "settings", dict),
-            report=_json(arrays, "report", list),
-            about=_json(arrays, "about", dict) if "about" in arrays else {},
-            outline_uv=_optional(arrays, "outline_uv", None, 2),
-            confidence=_optional(arrays, "confidence", None, None, finite=False),
-            photometric=_photometric(arrays),
-            **_cameras(arrays),
-            **_landmarks(arrays),
-        )
+        about = from_json(arrays, "about", dict) if "about" in arrays else {}
+        version = about.get("file_version", 1)
+        if not isinstance(version, int) or version > FILE_VERSION:
+            raise ReconstructionError(
+                f"{path}: the file has version {version!s:.20}, and this bsface reads "
+                f"up to {FILE_VERSION}; install a newer bsface."
+            )
+        return _face(arrays, about, template or load_template())
     except ValueError as error:
         raise ReconstructionError(
             f"{path}: the face file is damaged ({error}); write it again with bsface."
         ) from None
 
 
-def _surface(arrays: dict[str, npt.NDArray]) -> dict[str, Array]:
+def _face(arrays: Arrays, about: dict[str, Any], base: Template) -> Reconstruction:
+    surface = _surface(arrays)
+    template = _template(arrays, base.resampled(surface.shape))
+    cameras = _cameras(arrays)
+    names = _names(arrays, "camera_photo", len(cameras)) if cameras else ()
+    photos = _photos(arrays, names, cameras)
+    landmarks = _landmarks(arrays, names)
+    if len(landmarks) not in (0, len(photos)):
+        raise ValueError("landmark_count does not fit camera_photo")
+    k = len(template.expression_modes)
+    expressions = np.zeros((len(photos), k))
+    if "expressions" in arrays:
+        expressions = floats(arrays, "expressions", len(photos), None)
+        if expressions.shape[1] > k:
+            raise ValueError("expressions has more columns than the template has modes")
+    deviation = "deviation" if "deviation" in arrays else "confidence"
+    warnings = _texts(about.get("warnings"))
+    digest = arrays.get("template_digest")
+    if digest is not None and str(digest) != base.digest():
+        warnings += (OTHER_TEMPLATE,)
+    return Reconstruction(
+        surface=surface,
+        template=template,
+        photos=photos,
+        landmarks=landmarks,
+        cameras=cameras,
+        photometric=_photometric(arrays, len(photos)),
+        reports=_reports(arrays),
+        deviation=_optional(arrays, deviation, *surface.shape),
+        settings=_settings(arrays, surface.shape),
+        expressions=expressions,
+        constraint=_constraint(arrays, surface.shape),
+        history=_history(about),
+        warnings=warnings,
+        provenance=Provenance(
+            program=str(about.get("version", "")),
+            libraries=_text_mapping(about.get("libraries")),
+            hashes=_text_mapping(about.get("hashes")),
+            date=str(about.get("date", "")),
+        ),
+    )
+
+
+def _surface(arrays: Arrays) -> BSplineSurface:
     points = floats(arrays, "control_points", None, None, 3)
-    if min(points.shape[:2]) < 4:
-        raise ValueError("control_points are fewer than 4 x 4")
-    knots = {"control_points": points}
+    if min(points.shape[:2]) < 4 or max(points.shape[:2]) > MAX_NET:
+        raise ValueError(
+            f"control_points are {points.shape[0]} x {points.shape[1]}; a face has "
+            f"from 4 x 4 to {MAX_NET} x {MAX_NET}"
+        )
     for name, count in zip(("knots_u", "knots_v"), points.shape[:2], strict=True):
-        knots[name] = floats(arrays, name, count + 4)
-        if not np.array_equal(knots[name], np.arange(count + 4)):
+        if not np.array_equal(floats(arrays, name, count + 4), np.arange(count + 4)):
             raise ValueError(f"{name} are not those of a uniform bicubic surface")
-    return knots
+    if np.abs(points).max() > MAX_MM:
+        raise ValueError(
+            f"control_points lie up to {np.abs(points).max():.3g} mm from the origin, "
+            f"more than {MAX_MM:g}"
+        )
+    if np.ptp(points.reshape(-1, 3), axis=0).max() < MIN_MM:
+        raise ValueError("all control_points are at one place")
+    return BSplineSurface(points)
 
 
-def _json(arrays: dict[str, npt.NDArray], name: str, kind: type) -> Any:
-    text = arrays[name]
-    if text.shape != () or text.dtype.kind != "U":
-        raise ValueError(f"{name} is not a text")
+def _template(arrays: Arrays, base: Template) -> Template:
+    """The template with the parts that the file has."""
+    parts: dict[str, Any] = {}
+    if "outline_uv" in arrays:
+        outline = floats(arrays, "outline_uv", None, 2)
+        if len(outline) < 3 or outline.min() < 0 or outline.max() > 1:
+            raise ValueError("outline_uv must have three corners at least, in [0, 1]")
+        parts["outline_uv"] = outline
+    if "template_control_points" in arrays:
+        shape = (*base.surface.shape, 3)
+        points = floats(arrays, "template_control_points", *shape)
+        parts["surface"] = BSplineSurface(points)
+        parts["landmark_xyz"] = floats(
+            arrays, "template_landmark_xyz", *base.landmark_xyz.shape
+        )
+        parts["eye_centres"] = floats(arrays, "template_eye_centres", 2, 3)
+    return replace(base, **parts)
+
+
+def _cameras(arrays: Arrays) -> tuple[Camera, ...]:
+    if "camera_R" not in arrays:
+        return ()
+    n = len(floats(arrays, "camera_R", None, 3, 3))
+    columns = {k: floats(arrays, f"camera_{k}", n, *s) for k, s in _CAMERA.items()}
+    return tuple(
+        Camera(
+            R=columns["R"][i],
+            s=float(columns["s"][i]),
+            t=columns["t"][i],
+            kappa=float(columns["kappa"][i]),
+            principal=columns["principal"][i],
+        )
+        for i in range(n)
+    )
+
+
+def _photos(
+    arrays: Arrays, names: Sequence[str], cameras: Sequence[Camera]
+) -> tuple[Photo, ...]:
+    """Names and sizes; a file of version 1 has the size as the picture's centre."""
+    n = len(names)
+    size = np.array([2 * camera.principal + 1 for camera in cameras]).reshape(n, 2)
+    if "camera_size" in arrays:
+        size = floats(arrays, "camera_size", n, 2)
+    whole = np.clip(np.round(size), 0, 1e9).astype(int)
+    return tuple(
+        no_photo(name, (int(w), int(h)))
+        for name, (w, h) in zip(names, whole, strict=True)
+    )
+
+
+def _landmarks(arrays: Arrays, names: Sequence[str]) -> tuple[Landmarks, ...]:
+    if "landmark_count" not in arrays:
+        return ()
+    count = floats(arrays, "landmark_count", len(names))
+    points = floats(arrays, "landmark_points", None, 2)
+    weights = floats(arrays, "landmark_weight", len(points))
+    if (count < 0).any() or (count % 1).any() or count.sum() != len(points):
+        raise ValueError("landmark_count does not fit landmark_points")
+    ends = np.cumsum(count.astype(int))[:-1]
+    parts = zip(
+        names,
+        _names(arrays, "landmark_scheme", len(names)),
+        np.split(points, ends),
+        np.split(weights, ends),
+        strict=False,
+    )
+    return tuple(Landmarks(*part, source="file") for part in parts)
+
+
+def _photometric(arrays: Arrays, n: int) -> PhotometricEvidence | None:
+    def found(name: str, *shape: int | None) -> Array:
+        return floats(arrays, f"photometric_{name}", *shape, finite=False)
+
+    if "photometric_uv" not in arrays:
+        return None
+    p = len(found("uv", None, 2))
+    seen = "photometric_weights" in arrays
+    return PhotometricEvidence(
+        uv=found("uv", p, 2),
+        normals=found("normals", p, 3),
+        albedo=found("albedo", p, 3),
+        lights=found("lights", None, None),
+        weights=found("weights", n, p) if seen else np.zeros((n, p)),
+        residual=found("residual", n, p) if seen else np.zeros((n, p)),
+        singular_values=found("singular_values", None),
+    )
+
+
+def _constraint(arrays: Arrays, shape: tuple[int, int]) -> Constraint | None:
+    if "constraint_points" not in arrays:
+        return None
+    points = floats(arrays, "constraint_points", *shape) != 0
+    softness = float(floats(arrays, "constraint_softness_mm"))
+    if softness < 0:
+        raise ValueError("constraint_softness_mm is negative")
+    return Constraint(points, softness)
+
+
+def _settings(arrays: Arrays, shape: tuple[int, int]) -> Settings:
+    """Settings of the run; unknown ones, of another version, are passed over."""
+    values = from_json(arrays, "settings", dict)
+    known = Settings().to_dict()
+    values = {name: value for name, value in values.items() if name in known}
     try:
-        value = json.loads(str(text))
-    except (ValueError, RecursionError):
-        raise ValueError(f"{name} is not valid JSON") from None
-    if not isinstance(value, kind):
-        raise ValueError(f"{name} is not a {kind.__name__}")
-    return value
+        return Settings.from_dict(values)
+    except ValueError:
+        net = shape if max(shape) <= 120 and min(shape) >= 8 else (42, 44)
+        return Settings(control_points=net)
 
 
-def _optional(
-    arrays: dict[str, npt.NDArray], name: str, *shape: int | None, finite: bool = True
-) -> Array | None:
-    return floats(arrays, name, *shape, finite=finite) if name in arrays else None
+def _reports(arrays: Arrays) -> tuple[PhotoReport, ...]:
+    out = []
+    for row in from_json(arrays, "report", list):
+        if not isinstance(row, Mapping):
+            raise ValueError("report is not a list of photos")
+        number = {
+            name: float("nan") if not isinstance(value, int | float) else float(value)
+            for name, value in row.items()
+            if name in PhotoReport.__dataclass_fields__
+            and name not in ("name", "status", "reason")
+        }
+        texts = (str(row.get(key, "")) for key in ("name", "status", "reason"))
+        out.append(PhotoReport(*texts, **number))
+    return tuple(out)
 
 
-def _photometric(arrays: dict[str, npt.NDArray]) -> dict[str, Array]:
-    found = {}
-    for name, shape in _PHOTOMETRIC.items():
-        value = _optional(arrays, f"photometric_{name}", *shape, finite=False)
-        if value is not None:
-            found[name] = value
-    return found
+def _history(about: Mapping[str, Any]) -> tuple[HistoryEntry, ...]:
+    rows = about.get("history")
+    out = []
+    for row in rows if isinstance(rows, list) else ():
+        if isinstance(row, Mapping):
+            numbers = (row.get("residual"), row.get("step_mm"))
+            values = [
+                float(x) if isinstance(x, int | float) else float("nan")
+                for x in numbers
+            ]
+            out.append(HistoryEntry(str(row.get("stage", "")), *values))
+    return tuple(out)
 
 
-def _names(arrays: dict[str, npt.NDArray], name: str, count: int) -> tuple[str, ...]:
+def _names(arrays: Arrays, name: str, count: int) -> tuple[str, ...]:
     found = arrays.get(name, np.zeros(0))
     if found.shape != (count,) or found.dtype.kind != "U":
         raise ValueError(f"{name} must hold {count} names")
     return tuple(str(item) for item in found)
 
 
-def _cameras(arrays: dict[str, npt.NDArray]) -> dict[str, Any]:
-    if "camera_R" not in arrays:
+def _texts(value: object) -> tuple[str, ...]:
+    return tuple(map(str, value)) if isinstance(value, list) else ()
+
+
+def _text_mapping(value: object) -> dict[str, str]:
+    if not isinstance(value, Mapping):
         return {}
-    R = floats(arrays, "camera_R", None, 3, 3)
-    n = len(R)
-    rest = zip(
-        R,
-        floats(arrays, "camera_s", n),
-        floats(arrays, "camera_t", n, 2),
-        floats(arrays, "camera_kappa", n),
-        floats(arrays, "camera_principal", n, 2),
-        strict=True,
-    )
-    cameras = tuple(
-        Camera(R=R, s=float(s), t=t, kappa=float(kappa), principal=principal)
-        for R, s, t, kappa, principal in rest
-    )
-    return {"camera_photos": _names(arrays, "camera_photo", n), "cameras": cameras}
+    return {str(key): str(item) for key, item in value.items()}
 
 
-def _landmarks(arrays: dict[str, npt.NDArray]) -> dict[str, Any]:
-    if "landmark_count" not in arrays:
-        return {}
-    count = floats(arrays, "landmark_count", None)
-    points = floats(arrays, "landmark_points", None, 2)
-    weights = floats(arrays, "landmark_weight", len(points))
-    if (count < 0).any() or (count % 1).any() or count.sum() != len(points):
-        raise ValueError("landmark_count does not fit landmark_points")
-    ends = np.cumsum(count.astype(int))[:-1]
-    return {
-        "landmark_schemes": _names(arrays, "landmark_scheme", len(count)),
-        "landmark_points": tuple(np.split(points, ends)),
-        "landmark_weights": tuple(np.split(weights, ends)),
-    }
-
-
-def to_json(value: Any, indent: int | None = None) -> str:
-    """JSON text of dataclasses, arrays and plain values; NaN becomes null."""
-    return json.dumps(_plain(value), indent=indent, ensure_ascii=False, sort_keys=False)
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        value = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    return value
+def _optional(arrays: Arrays, name: str, *shape: int | None) -> Array | None:
+    return floats(arrays, name, *shape, finite=False) if name in arrays else None

@@ -1,9 +1,9 @@
-"""Which expression the result has when the photos do not share one.
+"""Expressions: their displacement of the face, and which one the result has.
 
-The bundle adjustment gives every photo its own mixture of expression modes.  Where the
-photos agree, that mixture is detection noise, and what they share is part of the shape.
-Where they differ, the result is the calm face: the mean of the photos with the least
-expression; the other photos are seen through their own deformation, and count the less
+Motion gives every photo its own mixture of expression modes.  Where the photos agree,
+that mixture is detection noise, and what they share is part of the shape.  Where they
+differ, the result is the neutral face: the mean of the photos with the least
+expression.  The other photos are seen through their own deformation, and count the less
 the larger it is.
 """
 
@@ -12,78 +12,145 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._types import Array
+from ..problem import FaceEstimate, Problem
+from ..surface.alignment import fit_similarity
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.template import Template
-from .motion import Bundle, LandmarkObservations
-
-Array = NDArray[np.float64]
 
 #: Photos differ in expression if a tenth of them moves the landmarks by more than this
 #: (root mean square, mm) against the median; detection noise alone stays below 1.6.
 MIXED_MM = 2.5
-CALM_SHARE = 0.25
+NEUTRAL_SHARE = 0.25
 TRUSTED_MM = 1.5  #: deformation at which a photo counts half
+#: Distance at which a point of another expression counts half when faces are aligned.
+STILL_MM = 1.0
+#: Standard deviation of what two fits of the same face differ by, mm.
+DRIFT_MM = 0.5
+ROUNDS = 30
 
 
-def select_neutral(
-    bundle: Bundle, template: Template, seen: LandmarkObservations
-) -> tuple[Bundle, Array]:
-    """Decide on rigid or mixed expressions.
+def expression_offsets(template: Template, uv: Array, count: int) -> Array:
+    """Displacement of surface points by the first expression modes.
 
     Parameters
     ----------
-    bundle : Bundle
     template : Template
-    seen : Observations
+    uv : (p, 2) array
+    count : int
+        Number of modes.
 
     Returns
     -------
-    bundle : Bundle
-        ``expressions`` relative to its surface: zero for photos that share their
-        expression, otherwise the deviation from the calm face.
-    weights : (n,) array
-        Of the photos, 1 = calm.
+    (p, 3, count) array
+        mm per standard deviation.
     """
-    e = bundle.expressions
+    T = basis_matrix(template.surface.shape, *uv.T)
+    offsets = [T @ mode.reshape(-1, 3) for mode in template.expression_modes[:count]]
+    return np.stack(offsets, -1) if offsets else np.zeros((len(uv), 3, 0))
+
+
+def expression_displacements(
+    template: Template, expressions: Array, size: float = 1.0
+) -> Array:
+    """Displacement of the control points in each photo, ``(n, M, N, 3)``.
+
+    Parameters
+    ----------
+    template : Template
+    expressions : (n, k) array
+        Coefficients of the first k modes.
+    size : float
+        How much larger than the template the face is.
+    """
+    modes = size * template.expression_modes[: expressions.shape[1]]
+    return np.einsum("ik,kuvx->iuvx", expressions, modes)
+
+
+def select_neutral(problem: Problem, estimate: FaceEstimate) -> FaceEstimate:
+    """The estimate moved to the neutral face, its expressions relative to that.
+
+    Expressions are zero where the photos share theirs; otherwise `photo_weights` say
+    how neutral each photo is.
+    """
+    template = problem.template
+    e = estimate.expressions
     n, k = e.shape
     if n < 3 or k == 0:
-        return replace(bundle, expressions=np.zeros_like(e)), np.ones(n)
-    modes = template.expression_modes[:k].reshape(k, -1, 3)
-    expression_offsets = landmark_expression_offsets(template, seen, k)
-    gram = np.einsum("lxj,lxk->jk", expression_offsets, expression_offsets) / len(
-        expression_offsets
-    )
-    size = lambda x: np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", x, gram, x), 0))  # noqa: E731
+        return replace(estimate, expressions=np.zeros_like(e))
+    offsets = expression_offsets(template, problem.landmarks.uv, k)
+    gram = np.einsum("lxj,lxk->jk", offsets, offsets) / len(offsets)
+
+    def size(x: Array) -> Array:
+        """Root mean square displacement of the landmarks, mm, ``(n,)``."""
+        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", x, gram, x), 0))
+
     if np.quantile(size(e - np.median(e, 0)), 0.9) < MIXED_MM:
-        return replace(bundle, expressions=np.zeros_like(e)), np.ones(n)
-    shared = bundle.modes[len(bundle.modes) - k :] * bundle.expression_scale
-    neutral = np.argsort(size(e + shared))[: max(2, round(CALM_SHARE * n))]
-    rest = e[neutral].mean(0)
-    away = e - rest
-    change = np.einsum("k,kbx->bx", rest, modes)
-    surface = BSplineSurface(
-        bundle.surface.control_points + change.reshape(*bundle.surface.shape, 3)
-    )
-    weights = 1 / (1 + (size(away) / TRUSTED_MM) ** 2)
-    moved = replace(
-        bundle,
-        surface=surface,
-        structure=bundle.structure + expression_offsets @ rest,
+        return replace(estimate, expressions=np.zeros_like(e))
+    scale = problem.prior.expression_scale
+    shared = estimate.modes[len(estimate.modes) - k :] * scale
+    order = np.argsort(size(e + shared))
+    neutral = e[order[: max(2, round(NEUTRAL_SHARE * n))]].mean(0)
+    away = e - neutral
+    (change,) = expression_displacements(template, neutral[None])
+    modes = estimate.modes.copy()
+    if scale > 0:
+        modes[len(modes) - k :] += neutral / scale
+    return replace(
+        estimate,
+        surface=BSplineSurface(estimate.surface.control_points + change),
+        landmarks_xyz=estimate.landmarks_xyz + offsets @ neutral,
         expressions=away,
+        modes=modes,
+        photo_weights=1 / (1 + (size(away) / TRUSTED_MM) ** 2),
     )
-    if bundle.expression_scale > 0:
-        coefficients = bundle.modes.copy()
-        coefficients[len(coefficients) - k :] += rest / bundle.expression_scale
-        moved = replace(moved, modes=coefficients)
-    return moved, weights
 
 
-def landmark_expression_offsets(
-    template: Template, seen: LandmarkObservations, count: int
+def expression_of(
+    surface: BSplineSurface, neutral: BSplineSurface, template: Template
 ) -> Array:
-    """Displacement of each landmark by the first expression modes, (f, 3, count)."""
-    T = basis_matrix(template.surface.shape, *template.landmark_uv[seen.index].T)
-    modes = template.expression_modes[:count].reshape(count, T.shape[1], 3)
-    return np.einsum("lb,kbx->lxk", T.toarray(), modes)
+    """The part of the way from a neutral face to another fit that is expression.
+
+    Two fits of one person differ in size, place and by their errors too. The similarity
+    in which most of one face lies on the other is taken out, by reweighting with Cauchy
+    weights; of the rest each control point keeps the part ``v / (v + s^2)``, where
+    ``v`` is the variance of the template's expressions there and ``s`` that of the
+    errors, `DRIFT_MM`: forehead and rim stay where they are.
+
+    Parameters
+    ----------
+    surface, neutral : BSplineSurface
+        With the same net.
+    template : Template
+        Gives the expression modes; any net.
+
+    Returns
+    -------
+    (M, N, 3) array
+        Displacement of the control points of ``neutral``.
+    """
+    if surface.shape != neutral.shape:
+        raise ValueError(
+            "the nets must have the same size, got "
+            f"{surface.shape} and {neutral.shape}"
+        )
+    source, target = surface.vector, neutral.vector
+    place = fit_similarity(source, target)
+    for _ in range(ROUNDS):
+        away = np.linalg.norm(place(source) - target, axis=1)
+        # From the median down to the final width, or a far start never settles.
+        width = max(STILL_MM, float(np.median(away)))
+        place = fit_similarity(source, target, 1 / (1 + (away / width) ** 2))
+    variance = _expression_variance(template, neutral.shape)
+    share = variance / (variance + DRIFT_MM**2)
+    return share[..., None] * (place(source) - target).reshape(*neutral.shape, 3)
+
+
+def _expression_variance(template: Template, shape: tuple[int, int]) -> Array:
+    """Variance of the expressions where each control point acts, mm^2, ``(M, N)``."""
+    # The outermost control points act on the border.
+    u, v = (np.clip((np.arange(n) - 1) / (n - 3), 0, 1) for n in shape)
+    at = np.stack(np.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
+    offsets = expression_offsets(template, at, len(template.expression_modes))
+    return (offsets**2).sum((1, 2)).reshape(shape)

@@ -9,41 +9,52 @@ expression and light; the landmarks keep a small weight.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy import sparse
 
-from ..camera.camera import PARAMETERS
+from .._types import Array
+from ..camera.camera import PARAMETERS, Camera
+from ..camera.prior import CameraPrior
 from ..images.photo import Photo
 from ..photometry import harmonics
-from ..photometry.sampling import smooth_photo, view_weights
+from ..photometry.lighting import robust_weights, solve_lights
+from ..photometry.sampling import IntensityField, smooth_photo, view_weights
 from ..surface.bspline import basis_matrix
-from .known_face import KnownFace, Pose, normal_equations
-from .motion import MotionOptions
-
-Array = NDArray[np.float64]
+from .known_face import (
+    KnownFace,
+    PhotoLandmarks,
+    PoseExpression,
+    pose_equations,
+    residual_mm,
+)
 
 FEWEST_SAMPLES = 100
 MAX_STEP = 0.2  # radians, relative scale; expressions in standard deviations times 5
+# Rotation, scale, shift (a hundred millimetres count as 1), distance.
+_UNITS = np.array([1, 1, 1, 1, 0.01, 0.01, 0.3])
+_ORDER = 9  # harmonics of the light
 
 
 @dataclass(frozen=True)
 class ShadingOptions:
-    """Weights of the search by intensities; the same as those of `joint`."""
+    """Weights of the fit to the intensities."""
 
     blurs_mm: tuple[float, ...] = (3.0, 1.6, 1.0)
-    rounds: int = 6  #: at each blur
-    noise: float = 0.06  #: Cauchy scale of intensities, of the photo's median
+    iterations: int = 6  #: at each blur
+    noise: float = 0.06  #: Cauchy scale of intensities, relative to the photo's median
     independence: float = 0.5  #: share of the samples that count as independent
     landmark_weight: float = 0.05
     grazing: float = 0.25
     light_ridge: float = 1e-3
+    camera: CameraPrior = field(default_factory=lambda: CameraPrior(damping=1e-6))
 
 
 @dataclass(frozen=True)
-class Skin:
-    """Albedo at points of a known face.
+class SkinSamples:
+    """Points of a known face with their albedo.
 
     Attributes
     ----------
@@ -51,136 +62,144 @@ class Skin:
     albedo : (p,) array
     T : three (p, M*N) sparse arrays
         Basis at the points: value, u and v slope.
-    moves : (p, 3, k) array
+    offsets : (p, 3, k) array
         Displacement of the points by the expression modes.
     """
 
     uv: Array
     albedo: Array
-    T: Sequence
-    expression_offsets: Array
+    T: Sequence[sparse.csr_array]
+    offsets: Array
 
 
-def skin(known: KnownFace, uv: Array, albedo: Array) -> Skin:
+def skin_samples(face: KnownFace, uv: Array, albedo: Array) -> SkinSamples:
     """Points of a known face with their albedo, ready for `refine_pose_expression`."""
-    shape = known.surface.shape
+    shape = face.surface.shape
     u, v = uv.T
     T = [basis_matrix(shape, u, v, *k) for k in ((0, 0), (1, 0), (0, 1))]
-    expression_offsets = [T[0] @ mode.reshape(-1, 3) for mode in known.modes]
+    offsets = [T[0] @ mode.reshape(-1, 3) for mode in face.modes]
     empty = np.zeros((len(uv), 3, 0))
-    return Skin(
-        uv, albedo, T, np.stack(expression_offsets, -1) if expression_offsets else empty
-    )
+    return SkinSamples(uv, albedo, T, np.stack(offsets, -1) if offsets else empty)
 
 
 def refine_pose_expression(
-    known: KnownFace,
-    at: Skin,
-    start: Pose,
+    face: KnownFace,
+    skin: SkinSamples,
+    start: PoseExpression,
     photo: Photo,
-    pixels: Array,
-    weight: Array,
-    prior: MotionOptions = MotionOptions(),  # noqa: B008 (frozen)
-    options: ShadingOptions = ShadingOptions(),  # noqa: B008 (frozen)
-) -> Pose:
+    marks: PhotoLandmarks,
+    options: ShadingOptions | None = None,
+) -> PoseExpression:
     """Improve a pose by what the photo shows.
 
     Parameters
     ----------
-    known : KnownFace
-    at : Skin
-    start : Pose
+    face : KnownFace
+    skin : SkinSamples
+        Of the face.
+    start : PoseExpression
         From the landmarks.
     photo : Photo
-    pixels, weight : (f, 2), (f,) arrays
-        Its landmarks in the order of ``known.index``.
-    prior : BundleOptions
-        Standard deviations of camera and landmarks.
-    options : ShadingOptions
+    marks : PhotoLandmarks
+        Of the photo.
+    options : ShadingOptions, optional
 
     Returns
     -------
-    Pose
+    PoseExpression
         The start where too little of the face is seen.
     """
-    camera, e = start.camera, start.expression
-    k, rounds = len(e), start.rounds
-    order = 9
+    options = options or ShadingOptions()
+    camera, e, iterations = start.camera, start.expression, start.iterations
     for blur in options.blurs_mm:
-        field = smooth_photo(photo, camera, blur)
-        light = np.zeros(order)
-        for _ in range(options.rounds):
-            surface = known.with_expression(e)
-            X, fu, fv = (T @ surface.vector for T in at.T)
-            N = np.cross(fv, fu)
-            N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-12)
-            view = view_weights(surface, [camera], at.uv, options.grazing)[0]
-            where, J, C = camera.jacobians(X)
-            value, slope, inside = field.read(where)
-            view = view * inside
-            if (view > 0).sum() < FEWEST_SAMPLES:
+        intensities = smooth_photo(photo, camera, blur)
+        light = np.zeros(_ORDER)
+        for _ in range(options.iterations):
+            rows = _intensity_rows(face, skin, intensities, (camera, e), options)
+            if rows is None:
                 return start
-            middle = max(float(np.median(value[view > 0])), 1e-3)
-            value, slope = value[:, 0] / middle, slope[:, 0] / middle
-            Y = at.albedo[:, None] * harmonics.basis(N, order)
-            light = _light(value, view, Y, light, options)
-            r = value - Y @ light
-            w = view / (1 + (r / options.noise) ** 2)
-            w *= options.independence / options.noise**2
-            rows = np.concatenate(
-                [
-                    np.einsum("px,pxa->pa", slope, C),
-                    np.einsum("px,pxy,pyk->pk", slope, J, at.expression_offsets),
-                    -Y,
-                ],
-                1,
-            )
-            A = rows.T @ (w[:, None] * rows)
-            b = -rows.T @ (w * r)
-            marks = known.marks + known.expression_offsets @ e
-            own, right, _ = normal_equations(
-                known, camera, marks, pixels, weight, prior.robust
-            )
-            m = PARAMETERS + k
-            A[:m, :m] += options.landmark_weight * own
-            b[:m] += options.landmark_weight * right
-            hold = np.full(len(b), 1e-6)
-            hold[6] = 1 / prior.distance_spread**2
-            hold[PARAMETERS:m] = 1.0
-            hold[m:] = 1.0
-            A[np.diag_indices_from(A)] += hold
-            if camera.kappa:
-                drift = np.log(camera.kappa * prior.distance_mm)
-                b[6] -= drift / prior.distance_spread**2
-            b[PARAMETERS:m] -= e
-            step = np.linalg.solve(A, b)
-            size = max(
-                np.abs(step[:PARAMETERS] * _UNITS).max(),
-                np.abs(step[PARAMETERS:m]).max(initial=0.0) / 5,
-            )
-            step *= min(1.0, MAX_STEP / max(size, 1e-12))
+            light = _light(rows, light, options)
+            step = _step(face, rows, (camera, e, light), marks, options)
+            k = PARAMETERS + len(e)
             camera = camera.moved(step[:PARAMETERS])
-            e = e + step[PARAMETERS:m]
-            light = light + step[m:]
-            rounds += 1
-    marks = known.marks + known.expression_offsets @ e
-    away = np.linalg.norm(camera.project(marks) - pixels, axis=1)[weight > 0]
-    residual = float(np.median(away)) / camera.s if len(away) else 0.0
-    return replace(
-        start, camera=camera, expression=e, residual_mm=residual, rounds=rounds
-    )
+            e, light = e + step[PARAMETERS:k], light + step[k:]
+            iterations += 1
+    return PoseExpression(camera, e, residual_mm(face, camera, e, marks), iterations)
 
 
-# Rotation, scale, shift (a hundred millimetres count as 1), distance.
-_UNITS = np.array([1, 1, 1, 1, 0.01, 0.01, 0.3])
+class _Rows(NamedTuple):
+    """One photo at the samples: intensities, derivatives, shading; q = 7 + k."""
+
+    value: Array  # (p,) over the median
+    by_pose: Array  # (p, q) by camera and expression
+    shading: Array  # (p, 9) by each harmonic, albedo included
+    view: Array  # (p,) visibility
 
 
-def _light(value, view, Y, light, options: ShadingOptions) -> Array:
-    """Robust least squares for the light of the photo."""
-    for _ in range(6 if not light.any() else 2):
-        r = value - Y @ light if light.any() else np.zeros_like(value)
-        w = view / (1 + (r / options.noise) ** 2)
-        A = Y.T @ (w[:, None] * Y)
-        A += (np.trace(A) / len(A) + 1e-9) * options.light_ridge * np.eye(len(A))
-        light = np.linalg.solve(A, Y.T @ (w * value))
+def _intensity_rows(
+    face: KnownFace,
+    skin: SkinSamples,
+    intensities: IntensityField,
+    at: tuple[Camera, Array],
+    options: ShadingOptions,
+) -> _Rows | None:
+    """Read the photo at the samples; None where it shows too few of them."""
+    camera, e = at
+    surface = face.with_expression(e)
+    X, fu, fv = (T @ surface.vector for T in skin.T)
+    N = np.cross(fv, fu)
+    N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-12)
+    view = view_weights(surface, [camera], skin.uv, options.grazing)[0]
+    where, J, C = camera.jacobians(X)
+    value, slope, inside = intensities.read(where)
+    view = view * inside
+    if (view > 0).sum() < FEWEST_SAMPLES:
+        return None
+    middle = max(float(np.median(value[view > 0])), 1e-3)
+    value, slope = value[:, 0] / middle, slope[:, 0] / middle
+    by_camera = np.einsum("px,pxa->pa", slope, C)
+    by_expression = np.einsum("px,pxy,pyk->pk", slope, J, skin.offsets)
+    shading = skin.albedo[:, None] * harmonics.basis(N, _ORDER)
+    return _Rows(value, np.concatenate([by_camera, by_expression], 1), shading, view)
+
+
+def _light(rows: _Rows, light: Array, options: ShadingOptions) -> Array:
+    """Robust least squares for the light of the photo, ``(9,)``."""
+    flat = np.ones(len(rows.value))
+    for _ in range(2 if light.any() else 6):
+        r = rows.value - rows.shading @ light if light.any() else np.zeros_like(flat)
+        w = robust_weights(rows.view, r, options.noise)
+        (light,) = solve_lights(
+            rows.value[None], w[None], rows.shading[None], flat, options.light_ridge
+        )
     return light
+
+
+def _step(
+    face: KnownFace,
+    rows: _Rows,
+    at: tuple[Camera, Array, Array],
+    marks: PhotoLandmarks,
+    options: ShadingOptions,
+) -> Array:
+    """Damped Gauss-Newton step of camera, expression and light, ``(q + 9,)``."""
+    camera, e, light = at
+    r = rows.value - rows.shading @ light
+    w = robust_weights(rows.view, r, options.noise)
+    w *= options.independence / options.noise**2
+    all_rows = np.concatenate([rows.by_pose, -rows.shading], 1)
+    A = all_rows.T @ (w[:, None] * all_rows)
+    b = -all_rows.T @ (w * r)
+    q = PARAMETERS + len(e)
+    own, right = pose_equations(face, camera, e, marks)
+    A[:q, :q] += options.landmark_weight * own
+    b[:q] += options.landmark_weight * right
+    hold = np.concatenate([options.camera.precision(), np.ones(len(e) + len(light))])
+    A[np.diag_indices_from(A)] += hold
+    b[:q] += np.concatenate([options.camera.pull(camera), -e])
+    step = np.linalg.solve(A, b)
+    size = max(
+        np.abs(step[:PARAMETERS] * _UNITS).max(),
+        np.abs(step[PARAMETERS:q]).max(initial=0.0) / 5,
+    )
+    return step * min(1.0, MAX_STEP / max(size, 1e-12))

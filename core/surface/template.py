@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -89,6 +90,14 @@ class Template:
         k = len(self.skin)
         at = np.clip((np.asarray(uv, float) * k).astype(int), 0, k - 1)
         return self.skin[at[..., 0], at[..., 1]]
+
+    def digest(self) -> str:
+        """Hash of what no result changes: landmarks' parameters and the regions."""
+        parts = (self.landmark_uv, self.outline_uv, self.skin, self.landmark_sigma)
+        total = hashlib.sha256()
+        for part in parts:
+            total.update(np.ascontiguousarray(part).tobytes())
+        return total.hexdigest()[:16]
 
     def resampled(self, shape: tuple[int, int]) -> Template:
         """The same template with another number of control points."""

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from ..camera.camera import Camera
 from ..drawing.rasterize import rasterize
 from ..images.photo import Photo
-from ..solve.alignment import relative_size
+from ..surface.alignment import relative_size
 from ..surface.bspline import BSplineSurface, grid_triangles, segment_basis
 
 Array = npt.NDArray[np.float64]

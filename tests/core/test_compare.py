@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bsface.compare import compare, comparison_picture
 from bsface.drawing.render import yaw_rotation
-from bsface.solve.alignment import eye_distance
+from bsface.surface.alignment import eye_distance
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsface.solve.alignment import fit_similarity
+from bsface.surface.alignment import fit_similarity
 from bsface.surface.bspline import BSplineSurface, grid_triangles
 from bsface.surface.template import load_template
 

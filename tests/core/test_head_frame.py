@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bsface.solve.alignment import eye_centres, fit_similarity, head_frame
+from bsface.surface.alignment import eye_centres, fit_similarity, head_frame
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
 from hypothesis import given, settings

@@ -28,7 +28,7 @@ from bsface.landmarks.face_models import find_models
 from bsface.landmarks.landmarks import Landmarks
 from bsface.photometry import harmonics
 from bsface.progress import STAGES
-from bsface.solve.alignment import eye_centres, fit_similarity
+from bsface.surface.alignment import eye_centres, fit_similarity
 from bsface.surface.template import load_template
 from fake_face import skin_pattern
 from hypothesis import strategies as st

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..surface.bspline import BSplineSurface
-from ..surface.template import Template
+from .bspline import BSplineSurface
+from .template import Template
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,218 @@
+"""One photo to its faces: read, found, measured, judged and cut out.
+
+Landmarks that are given win over a landmark file beside the photo, which wins over the
+detector.  A photo of no use becomes a `PhotoFailure` with a sentence.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from .._types import Array
+from ..camera.linear_pose import linear_pose
+from ..errors import PhotoFailure
+from ..images.photo import Photo, cut, read_photo
+from ..progress import CheckCancelled
+from ..settings import Settings
+from ..surface.template import Template
+from .face_mesh import FaceMesh
+from .face_models import ModelFiles
+from .face_selection import Candidate
+from .landmarks import (
+    LandmarkFileError,
+    Landmarks,
+    NotLandmarksError,
+    landmark_file_beside,
+    read_landmarks,
+)
+from .plausibility import FaceFit, fit_face, judge_fit
+from .quality import judge_quality
+
+# The cut-out is the box of all the face's landmarks, so much larger.
+BOX_FACTOR = 1.45
+MAX_SIDE = 1024
+MAX_FACES = 6
+# Landmarks whose augmentations scatter by this part of the eye distance weigh half.
+HALF_WEIGHT_SIGMA = 0.02
+
+
+class CandidateReader:
+    """Reads photos one after another, and remembers which it has seen.
+
+    Parameters
+    ----------
+    template : Template
+    settings : Settings
+        Used are ``landmarks`` (the scheme) and ``detector`` (whether to detect).
+    given : mapping of photo name to Landmarks
+        Win over files and over the detector.
+    models : ModelFiles, optional
+        Files of the networks; by default those that are found.
+
+    Attributes
+    ----------
+    hashes : dict of str to str
+        SHA-256 of each photo that was read: of its file, or of its pixels.
+    """
+
+    def __init__(
+        self,
+        template: Template,
+        settings: Settings,
+        given: Mapping[str, Landmarks],
+        models: ModelFiles | None = None,
+    ) -> None:
+        self.template = template
+        self.scheme = settings.landmarks
+        self.detect = settings.detector
+        self.given = given
+        self.models = models
+        self.mesh: FaceMesh | None = None
+        self.names: dict[str, str] = {}  # digest of the pixels -> first photo
+        self.hashes: dict[str, str] = {}
+
+    def read(
+        self,
+        source: str | os.PathLike | np.ndarray,
+        name: str,
+        check_cancelled: CheckCancelled,
+    ) -> tuple[Candidate, ...] | PhotoFailure:
+        """The faces of one photo, the largest first."""
+        photo = read_photo(source, name)
+        if isinstance(photo, PhotoFailure):
+            return photo
+        digest = _digest(photo.pixels)
+        if digest in self.names:
+            return PhotoFailure(
+                name,
+                "duplicate",
+                f"{name} is the same picture as {self.names[digest]}.",
+            )
+        self.names[digest] = name
+        self.hashes[name] = _file_hash(photo.path) or digest
+        try:
+            found = self._find(photo, check_cancelled)
+        except LandmarkFileError as error:
+            return PhotoFailure(name, "implausible", str(error))
+        if isinstance(found, PhotoFailure):
+            return found
+        return tuple(self._judge(photo, landmarks) for landmarks in found)
+
+    def _find(
+        self, photo: Photo, check_cancelled: CheckCancelled
+    ) -> list[Landmarks] | PhotoFailure:
+        """Landmarks of all faces of a photo, from wherever they come."""
+        name = photo.name
+        if name in self.given:
+            given = self.given[name]
+            if not np.isfinite(given.points).all() or not (given.weight >= 0).all():
+                return PhotoFailure(
+                    name,
+                    "implausible",
+                    f"The landmarks given for {name} are not all finite numbers; "
+                    "correct or remove them.",
+                )
+            return [replace(given, photo=name)]
+        beside = landmark_file_beside(photo.path) if photo.path else None
+        if beside is not None:
+            with contextlib.suppress(NotLandmarksError):
+                return [read_landmarks(beside, name, photo.size)]
+        if not self.detect:
+            return PhotoFailure(
+                name,
+                "no_face",
+                f"{name} has no landmark file beside it, and the detector is "
+                "switched off; add a file or switch it on.",
+            )
+        found = self._detect(photo, check_cancelled)
+        if not found:
+            return PhotoFailure(
+                name,
+                "no_face",
+                f"No face was found in {name}; use a photo that shows the face from "
+                "the front or half from the side.",
+            )
+        return [replace(item, faces=len(found)) for item in found]
+
+    def _detect(self, photo: Photo, check_cancelled: CheckCancelled) -> list[Landmarks]:
+        if self.mesh is None:
+            self.mesh = FaceMesh(self.models, self.template.landmark_mirror)
+        image = photo.bytes8()
+        faces = self.mesh.detect_faces(image, check_cancelled)
+        found = []
+        for face in sorted(faces, key=lambda f: -f.side)[:MAX_FACES]:
+            mesh = self.mesh.landmarks(image, face)
+            points = photo.to_original(mesh.points)
+            sigma = mesh.sigma / photo.window[2]
+            size = self._fit(points, "468", np.ones(468)).eye_distance
+            weight = 1 / (1 + (sigma / (HALF_WEIGHT_SIGMA * size)) ** 2)
+            found.append(Landmarks(photo.name, "468", points, weight, score=mesh.score))
+        return found
+
+    def _reduced(self, landmarks: Landmarks) -> Landmarks:
+        """The landmarks of the scheme that is asked for."""
+        if self.scheme == landmarks.scheme or landmarks.scheme != "468":
+            return landmarks
+        return landmarks.subset(self.scheme, self.template.schemes[self.scheme])
+
+    def _fit(self, points: Array, scheme: str, weight: Array) -> FaceFit:
+        indices = self.template.schemes[scheme]
+        reliable = self.template.landmark_reliable[indices] * weight
+        return fit_face(
+            self.template.landmark_xyz[indices],
+            points,
+            reliable,
+            self.template.eye_distance,
+        )
+
+    def _no_pose(self, landmarks: Landmarks) -> PhotoFailure | None:
+        """A failure if the usable landmarks leave the pose open, or None."""
+        indices = self.template.schemes[landmarks.scheme]
+        reliable = self.template.landmark_reliable[indices]
+        weight = np.where(reliable, landmarks.weight, 0.0)
+        xyz = self.template.landmark_xyz[indices]
+        pose = linear_pose(landmarks.points, xyz, weight, name=landmarks.photo)
+        return pose if isinstance(pose, PhotoFailure) else None
+
+    def _judge(self, photo: Photo, found: Landmarks) -> Candidate:
+        """The cut-out of one face, and whether it is of use."""
+        landmarks = self._reduced(found)
+        fit = self._fit(landmarks.points, landmarks.scheme, landmarks.weight)
+        failure = judge_fit(fit, landmarks, photo.size)
+        if failure is None:
+            failure = self._no_pose(landmarks)
+        xy = landmarks.points
+        if failure is None:
+            # A scheme without forehead still gets a cut-out with one: the
+            # template's landmarks by the fit.
+            xy = np.concatenate([xy, fit.project(self.template.landmark_xyz)])
+        low, high = xy.min(axis=0), xy.max(axis=0)
+        centre, half = (low + high) / 2, BOX_FACTOR * (high - low).max() / 2
+        part = cut(photo, np.concatenate([centre - half, centre + half]), MAX_SIDE)
+        if failure is None:
+            failure = judge_quality(part, landmarks, fit)
+        return Candidate(part, landmarks, fit, failure, found)
+
+
+def _digest(pixels: np.ndarray) -> str:
+    digest = hashlib.sha256(repr((pixels.shape, pixels.dtype.str)).encode())
+    digest.update(np.ascontiguousarray(pixels).data)
+    return digest.hexdigest()
+
+
+def _file_hash(path: Path | None) -> str | None:
+    """SHA-256 of a file; None without one that can be read."""
+    if path is None:
+        return None
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return None
