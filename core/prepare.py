@@ -22,7 +22,9 @@ import numpy as np
 from .camera.linear_pose import linear_pose
 from .errors import PhotoFailure, ReconstructionError
 from .identity.same_person import separate_identities
-from .images.photo import Photo, cut, list_photos, read_photo
+from .images.folder import list_photos
+from .images.photo import Photo, cut
+from .images.read import read_photo
 from .landmarks.face_mesh import FaceMesh
 from .landmarks.face_models import ModelFiles
 from .landmarks.face_selection import Candidate, choose_faces
