@@ -26,7 +26,7 @@ import cv2
 import numpy as np
 from _speed_worker import STAGES
 from _table import text_table, write_csv
-from bsface.images.photo import list_photos
+from bsface.images.folder import list_photos
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / "examples" / "photos"

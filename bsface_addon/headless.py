@@ -80,7 +80,7 @@ def reconstruct(options):
     import bpy
 
     from ..core.errors import ReconstructionError
-    from ..core.images.photo import list_photos
+    from ..core.images.folder import list_photos
     from . import arguments, pipeline
     from .console import Console
 

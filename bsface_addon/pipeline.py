@@ -276,7 +276,7 @@ def hints(collection):
 
 def photo_size(path, name):
     """A core Photo (its size is that of the turned picture) or PhotoFailure."""
-    from ..core.images.photo import read_photo
+    from ..core.images.read import read_photo
 
     return read_photo(path, name)
 

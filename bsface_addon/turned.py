@@ -35,7 +35,7 @@ def turn(row, quarters):
 
     from ..core.drawing.pictures import encode_png
     from ..core.files import write_bytes
-    from ..core.images.photo import read_photo
+    from ..core.images.read import read_photo
 
     original = Path(bpy.path.abspath(row.original)) if row.original else None
     original = original or photo_list.absolute(row)

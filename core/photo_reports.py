@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .images.photo import natural_key
+from .images.folder import natural_key
 from .photometry.lighting import PhotometricEvidence
 from .prepare import PhotoCollection
 from .result import PhotoReport

@@ -18,7 +18,7 @@ import numpy as np
 
 from .errors import FailureCode, PhotoFailure, ReconstructionError
 from .identity.same_person import separate_identities
-from .images.photo import list_photos
+from .images.folder import list_photos
 from .landmarks.candidates import CandidateReader
 from .landmarks.face_models import ModelFiles
 from .landmarks.face_selection import Candidate, choose_faces

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from bsface.batch.run import run_batch
-from bsface.images.photo import list_photos
+from bsface.images.folder import list_photos
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

@@ -10,7 +10,7 @@ from pathlib import Path
 import bsface
 from bsface.compare import compare, comparison_picture
 from bsface.drawing.pictures import write_png
-from bsface.images.photo import list_photos
+from bsface.images.folder import list_photos
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

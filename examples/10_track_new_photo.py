@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from bsface.drawing.pictures import write_png
 from bsface.formats import export, read_npz
-from bsface.images.photo import list_photos
+from bsface.images.folder import list_photos
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"

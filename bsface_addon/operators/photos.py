@@ -79,7 +79,7 @@ class BSFACE_OT_photos_add(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context):
-        from ...core.images.photo import list_photos
+        from ...core.images.folder import list_photos
 
         folder = Path(bpy.path.abspath(self.directory))
         chosen = [folder / item.name for item in self.files if item.name] or [folder]

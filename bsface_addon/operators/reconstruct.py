@@ -68,7 +68,7 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         state = context.scene.bsface
         photos = None
         if self.directory:
-            from ...core.images.photo import list_photos
+            from ...core.images.folder import list_photos
 
             photos = list_photos(bpy.path.abspath(self.directory))
         changes = pipeline.parsed(self.settings)

@@ -19,7 +19,7 @@ from typing import Any
 
 from ..errors import ReconstructionError
 from ..files import write_text
-from ..images.photo import list_photos
+from ..images.folder import list_photos
 from ..landmarks.landmarks import landmark_file_beside
 from ..report.report import versions
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
+from .._types import Array32
 
-def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
+
+def encode_srgb(linear: npt.ArrayLike) -> Array32:
     """Linear intensities to encoded ones, both in [0, 1]; others are clipped."""
     linear = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
     return np.where(
@@ -16,12 +20,22 @@ def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
     ).astype(np.float32)
 
 
-def decode_srgb(encoded: npt.ArrayLike) -> npt.NDArray[np.float32]:
+def decode_srgb(encoded: npt.ArrayLike) -> Array32:
     """Encoded intensities to linear ones, both in [0, 1]."""
     encoded = np.clip(np.asarray(encoded, np.float32), 0.0, 1.0)
     return np.where(
         encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4
     ).astype(np.float32)
+
+
+@lru_cache(maxsize=2)
+def srgb_table(dtype: str) -> Array32:
+    """Linear intensity of each value of an unsigned type, such as ``"<u2"``."""
+    top = np.iinfo(np.dtype(dtype)).max
+    c = np.arange(top + 1) / top
+    low = c / 12.92
+    high = ((c + 0.055) / 1.055) ** 2.4
+    return np.where(c <= 0.04045, low, high).astype(np.float32)
 
 
 def to_picture(linear: npt.ArrayLike, depth: int = 8) -> npt.NDArray:

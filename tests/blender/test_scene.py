@@ -101,7 +101,7 @@ def test_backgrounds_are_turned_clockwise_to_fill_the_frame(
     path = tmp_path / "turned.jpg"
     noise = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
     path.write_bytes(jpeg_with_orientation(noise, tag))
-    photo = load("core.images.photo").read_photo(path)
+    photo = load("core.images.read").read_photo(path)
     data = bpy.data.cameras.new("camera")
     cameras.background(data, photo)
     slot = data.background_images[0]

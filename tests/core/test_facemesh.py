@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import Cancelled, ReconstructionError
-from bsface.images.photo import list_photos, read_photo
+from bsface.images.folder import list_photos
+from bsface.images.read import read_photo
 from bsface.landmarks import crops, face_models
 from bsface.landmarks import face_mesh as facemesh
 from bsface.landmarks.face_mesh import FaceMesh

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import Cancelled, PhotoFailure, ReconstructionError
-from bsface.images.photo import list_photos, read_photo
+from bsface.images.folder import list_photos
+from bsface.images.read import read_photo
 from bsface.landmarks.face_models import find_models
 from bsface.landmarks.landmarks import Landmarks, write_landmarks
 from bsface.prepare import collect_photos

@@ -10,8 +10,10 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import PhotoFailure, ReconstructionError
+from bsface.images.folder import list_photos, natural_key
 from bsface.images.header import read_header
-from bsface.images.photo import Photo, cut, list_photos, natural_key, read_photo
+from bsface.images.photo import Photo, cut
+from bsface.images.read import read_photo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -157,7 +159,7 @@ def test_exif_orientation_is_applied(read, orientation):
 
 
 def test_large_photo_is_read_reduced_and_keeps_its_coordinates(read, monkeypatch):
-    monkeypatch.setattr("bsface.images.photo.FULL_SIZE_PIXELS", 1000)
+    monkeypatch.setattr("bsface.images.read.FULL_SIZE_PIXELS", 1000)
     image = np.zeros((161, 241, 3), np.uint8)
     image[96:112, 48:64] = 255  # centre (55.5, 103.5)
     data = with_exif_orientation(encoded(".jpg", image), 1)

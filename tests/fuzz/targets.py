@@ -24,7 +24,7 @@ from bsface.errors import PhotoFailure, ReconstructionError
 from bsface.formats.face_file import contents, npz_bytes, read_npz, to_json
 from bsface.images import decode as image_file
 from bsface.images.header import read_header
-from bsface.images.photo import read_photo
+from bsface.images.read import read_photo
 from bsface.landmarks.landmarks import (
     LandmarkFileError,
     Landmarks,

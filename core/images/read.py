@@ -1,0 +1,121 @@
+"""A picture file or an array to a `Photo`, or to the sentence that says why not.
+
+The header is judged before anything is decoded (`header`): that is what keeps a
+decompression bomb out.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import PhotoFailure
+from .decode import MAX_PIXELS, MIN_SIDE, decode, file_bytes, judge_header
+from .header import read_header
+from .photo import Photo
+from .png import plain_png
+
+# Above this many pixels the picture is decoded at half, a quarter or an eighth
+# of its size: a face that fills a sixth of 16 megapixels still has 650 pixels.
+FULL_SIZE_PIXELS = 16_000_000
+
+
+def read_photo(
+    source: str | os.PathLike | np.ndarray, name: str | None = None
+) -> Photo | PhotoFailure:
+    """One picture, turned upright by its EXIF tag, as three RGB channels.
+
+    Alpha is dropped, grey is repeated, CMYK and palettes are converted, of an
+    animation the first frame is taken. Pictures above 16 megapixels are decoded
+    at a half, a quarter or an eighth.
+
+    Parameters
+    ----------
+    source : path or (H, W), (H, W, 3) or (H, W, 4) array
+        An array is RGB, sRGB-encoded: uint8, uint16, or floats in [0, 1].
+    name : str, optional
+        The name in reports; by default the file's own.
+
+    Returns
+    -------
+    Photo or PhotoFailure
+        A failure has the code ``"unreadable"`` or ``"too_large"``.
+    """
+    if isinstance(source, np.ndarray):
+        return _from_array(source, name or "picture")
+    path = Path(source)
+    name = name or path.name
+    data = file_bytes(path, name)
+    if isinstance(data, PhotoFailure):
+        return data
+    header = read_header(data)
+    failure = judge_header(header, name)
+    if failure is not None:
+        return failure
+    assert header is not None
+    reduction = 1
+    while reduction < 8 and header.pixels / reduction**2 > FULL_SIZE_PIXELS:
+        reduction *= 2
+    whole = plain_png(data) if header.format == "PNG" else data
+    pixels = None if whole is None else decode(whole, reduction)
+    if pixels is None:
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} is damaged or cut short; copy or export it again.",
+        )
+    if pixels.dtype not in (np.uint8, np.uint16):
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} stores {pixels.dtype} samples; save it with 8 or 16 bits.",
+        )
+    width, height = header.width, header.height
+    # Decoding turned the picture as EXIF says; the header speaks of the unturned.
+    h, w = pixels.shape[:2]
+    if (w, h) != _reduced(width, height, reduction) and (h, w) == _reduced(
+        width, height, reduction
+    ):
+        width, height = height, width
+    return Photo(name, path, (width, height), pixels, (0.0, 0.0, 1.0 / reduction))
+
+
+def _reduced(width: int, height: int, reduction: int) -> tuple[int, int]:
+    return -(-width // reduction), -(-height // reduction)
+
+
+def _from_array(array: np.ndarray, name: str) -> Photo | PhotoFailure:
+    def bad(what: str) -> PhotoFailure:
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} {what}; give an (H, W, 3) array of uint8, uint16 or of "
+            "floats in [0, 1].",
+        )
+
+    if array.ndim == 2:
+        array = array[..., None]
+    if array.ndim != 3 or array.shape[2] not in (1, 3, 4):
+        return bad(f"has the shape {array.shape}")
+    if min(array.shape[:2]) < MIN_SIDE:
+        return bad(f"has only {array.shape[1]} x {array.shape[0]} pixels")
+    if array.shape[0] * array.shape[1] > MAX_PIXELS:
+        return PhotoFailure(
+            name,
+            "too_large",
+            f"{name} has {array.shape[1]} x {array.shape[0]} pixels, more than "
+            f"{MAX_PIXELS // 10**6} megapixels; make it smaller.",
+        )
+    if np.issubdtype(array.dtype, np.floating):
+        if not np.isfinite(array).all():
+            return bad("holds values that are not finite")
+        if array.min() < 0 or array.max() > 1:
+            return bad("holds floats outside [0, 1]")
+        array = np.round(array * 65535).astype(np.uint16)
+    if array.dtype not in (np.uint8, np.uint16):
+        return bad(f"holds {array.dtype} values")
+    array = array[..., :3] if array.shape[2] >= 3 else np.repeat(array, 3, 2)
+    h, w = array.shape[:2]
+    return Photo(name, None, (w, h), np.ascontiguousarray(array))
