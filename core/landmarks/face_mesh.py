@@ -11,7 +11,7 @@ over several crops and their mirror images.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -22,8 +22,10 @@ from .face_models import ModelFiles, find_models, load_network
 
 DETECTOR_SIDE = 128
 MESH_SIDE = 192
-DETECTOR_OUTPUTS = ("regressors", "classificators")
-MESH_OUTPUTS = ("conv2d_21", "conv2d_31")
+# Names of the outputs, and how many numbers each holds: 896 anchors with a box and six
+# points, and their scores; 468 landmarks in three coordinates, and the logit of a face.
+DETECTOR_OUTPUTS = {"regressors": 896 * 16, "classificators": 896}
+MESH_OUTPUTS = {"conv2d_21": 468 * 3, "conv2d_31": 1}
 # Corners of the eyes: the crop is turned until the line 33-263 is level.
 RIGHT_EYE_OUTER, LEFT_EYE_OUTER = 33, 263
 
@@ -138,8 +140,8 @@ class FaceMesh:
         self._mirror = np.asarray(mirror, int)
         self._lock = threading.Lock()
         self._anchors = _anchors()
-        self._detector = load_network(files.detector, DETECTOR_OUTPUTS)
-        self._mesh = load_network(files.mesh, MESH_OUTPUTS)
+        self._detector = load_network(files.detector, DETECTOR_OUTPUTS, DETECTOR_SIDE)
+        self._mesh = load_network(files.mesh, MESH_OUTPUTS, MESH_SIDE)
 
     def detect_faces(
         self, image: np.ndarray, check_cancelled: Callable[[], None] | None = None
@@ -155,7 +157,7 @@ class FaceMesh:
         ----------
         image : (h, w, 3) uint8 array
             RGB.
-        tick : callable, optional
+        check_cancelled : callable, optional
             Called now and then; may raise `Cancelled`.
         """
         check_cancelled = check_cancelled or (lambda: None)
@@ -228,13 +230,13 @@ class FaceMesh:
         return self._decode(boxes, _sigmoid(logit.reshape(-1)), window)
 
     def _forward(
-        self, net: cv2.dnn.Net, picture: np.ndarray, names: tuple[str, str]
+        self, net: cv2.dnn.Net, picture: np.ndarray, outputs: Iterable[str]
     ) -> tuple[np.ndarray, ...]:
         # One picture at a time: a batch is no faster, and OpenCV sets the network
         # up anew whenever the number of pictures changes.
         with self._lock:
             net.setInput(picture)
-            return tuple(net.forward(names))
+            return tuple(net.forward(tuple(outputs)))
 
     def _decode(
         self, raw: np.ndarray, score: np.ndarray, window: Crop

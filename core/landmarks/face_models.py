@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from ..errors import ReconstructionError, out_of_memory
 
 DETECTOR_FILE = "face_detection_short_range.tflite"
 MESH_FILE = "face_landmark.tflite"
+OLDEST_OPENCV = (4, 11)
 
 
 @dataclass(frozen=True)
@@ -77,24 +81,70 @@ def find_models(folder: str | os.PathLike | None = None) -> ModelFiles:
     )
 
 
-def load_network(path: Path, outputs: tuple[str, str]) -> cv2.dnn.Net:
-    """The network in a file; it must have the named outputs.
+def load_network(path: Path, outputs: Mapping[str, int], side: int) -> cv2.dnn.Net:
+    """The network in a file.
+
+    Parameters
+    ----------
+    path : Path
+    outputs : mapping of str to int
+        Names of the outputs that the network must have, and how many numbers each
+        gives for one picture.
+    side : int
+        The network reads pictures of ``side`` x ``side`` pixels.
 
     Raises
     ------
     ReconstructionError
         If the file cannot be read or is another network.
     """
+    # OpenCV 5 has a second engine, which runs a network once for each output that is
+    # asked for. The classic one gives all of them in one run, as OpenCV 4 does.
+    classic = getattr(cv2.dnn, "ENGINE_CLASSIC", None)
+    engine = {} if classic is None else {"engine": classic}
     try:
-        net = cv2.dnn.readNetFromTFLite(str(path))
-        names = net.getUnconnectedOutLayersNames()
-    except (cv2.error, OSError) as error:
+        net = cv2.dnn.readNetFromTFLite(str(path), **engine)
+        net.setInput(np.zeros((1, 3, side, side), np.float32))
+        sizes = [np.size(output) for output in net.forward(tuple(outputs))]
+    except (AttributeError, cv2.error, OSError) as error:
         if out_of_memory(error):
             raise
-        names = ()
-    if set(names) != set(outputs):
         raise ReconstructionError(
-            f"{path} is not the expected model file; remove it and fetch it again "
-            "by `python3 dev.py setup`."
-        )
+            why_not_loaded(path, error, cv2.__version__)
+        ) from None
+    if sizes != list(outputs.values()):
+        raise ReconstructionError(_damaged(path))
     return net
+
+
+def why_not_loaded(path: Path, error: Exception, version: str) -> str:
+    """Why OpenCV could not load a model file, and the remedy, in one sentence.
+
+    Parameters
+    ----------
+    path : Path
+    error : Exception
+        What OpenCV raised.
+    version : str
+        Of OpenCV, such as ``"4.11.0"``.
+    """
+    if [int(part) for part in re.findall(r"\d+", version)[:2]] < list(OLDEST_OPENCV):
+        oldest = ".".join(map(str, OLDEST_OPENCV))
+        return (
+            f"OpenCV {version} is too old for the face detector, which needs {oldest} "
+            f"or newer; install it by `pip install 'opencv-python-headless>={oldest}'`."
+        )
+    if isinstance(error, AttributeError) or "flatbuffers" in str(error).lower():
+        return (
+            f"This build of OpenCV {version} cannot read TFLite models, because it was "
+            "compiled without FlatBuffers; install the package opencv-python-headless "
+            "in its place."
+        )
+    return _damaged(path)
+
+
+def _damaged(path: Path) -> str:
+    return (
+        f"{path} is damaged or is not the expected model file; remove it and fetch it "
+        "again by `python3 dev.py setup`."
+    )

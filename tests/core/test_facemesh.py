@@ -291,7 +291,7 @@ def test_true_cameras_see_the_template_where_the_detector_does(mesh):
 # --- the files ---------------------------------------------------------------
 
 
-def test_missing_models_are_told_with_all_places(tmp_path, monkeypatch):
+def test_missing_models_are_told_with_all_places(tmp_path):
     with pytest.raises(ReconstructionError, match=r"dev\.py setup") as info:
         find_models(tmp_path)
     assert str(tmp_path) in str(info.value)
@@ -319,8 +319,39 @@ def test_search_order_of_models(tmp_path, monkeypatch):
 def test_file_that_is_no_model(tmp_path, content):
     path = tmp_path / "x.tflite"
     path.write_bytes(content)
-    with pytest.raises(ReconstructionError, match=r"x\.tflite"):
+    with pytest.raises(ReconstructionError, match=r"x\.tflite is damaged"):
         FaceMesh(ModelFiles(path, path), MIRROR)
+
+
+@pytest.mark.parametrize("part", [0.5, 0.99])
+def test_model_file_that_was_cut_off(tmp_path, part):
+    try:
+        files = find_models()
+    except ReconstructionError as error:
+        pytest.skip(f"the model files are not installed: {error}")
+    data = files.detector.read_bytes()
+    path = tmp_path / "x.tflite"
+    path.write_bytes(data[: int(part * len(data))])
+    with pytest.raises(ReconstructionError, match=r"x\.tflite is damaged"):
+        FaceMesh(ModelFiles(path, files.mesh), MIRROR)
+
+
+@pytest.mark.parametrize(
+    "version, error, told",
+    [
+        ("4.11.0", cv2.error("model is incorrect"), "mesh.tflite is damaged"),
+        ("5.0.0-pre", cv2.error("sz > 0"), "mesh.tflite is damaged"),
+        ("4.12.0", cv2.error("Build OpenCV with FlatBuffers"), "without FlatBuffers"),
+        ("4.12.0", AttributeError("readNetFromTFLite"), "without FlatBuffers"),
+        ("4.6.0", AttributeError("readNetFromTFLite"), "OpenCV 4.6.0 is too old"),
+        ("4.9.0", cv2.error("model is incorrect"), "OpenCV 4.9.0 is too old"),
+    ],
+)
+def test_what_is_wrong_with_model_or_opencv_is_told(version, error, told):
+    sentence = face_models.why_not_loaded(Path("mesh.tflite"), error, version)
+    assert told in sentence
+    others = {"is damaged", "without FlatBuffers", "too old"}
+    assert sum(other in sentence for other in others) == 1
 
 
 def test_swapped_models(tmp_path):
@@ -328,5 +359,5 @@ def test_swapped_models(tmp_path):
         files = find_models()
     except ReconstructionError as error:
         pytest.skip(f"the model files are not installed: {error}")
-    with pytest.raises(ReconstructionError, match="not the expected"):
+    with pytest.raises(ReconstructionError, match="is not the expected"):
         FaceMesh(ModelFiles(files.mesh, files.detector), MIRROR)
