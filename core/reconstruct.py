@@ -18,10 +18,12 @@ from .camera.linear_pose import linear_pose
 from .clock import Clock
 from .errors import ReconstructionError, out_of_memory
 from .landmarks.landmarks import Landmarks
+from .landmarks.observations import observe_landmarks
 from .photo_reports import photo_reports
 from .photometry import harmonics
 from .photometry.lighting import PhotometricEvidence
 from .prepare import PhotoCollection, collect_photos
+from .problem import FaceEstimate, Problem
 from .progress import Progress
 from .result import Reconstruction
 from .settings import Settings
@@ -31,7 +33,7 @@ from .solve.expression import select_neutral
 from .solve.joint.refine import JointOptions, Level, refine
 from .solve.known_face import personalise_landmarks
 from .solve.motion import Bundle, LandmarkObservations, MotionOptions, estimate_motion
-from .solve.paper.on_photos import run_imls
+from .solve.paper.methods import imls, paper
 from .surface.bspline import BSplineSurface
 from .surface.prior import shape_prior
 from .surface.template import Template, load_template
@@ -156,7 +158,7 @@ def solve(
     deviation: Array | None = None
     if method in ("imls", "paper"):
         shown, evidence = _classic(
-            collection, template, seen, settings, bundle, progress
+            collection, template, prior, settings, bundle, progress
         )
     elif method == "motion" or len(collection.photos) < FEWEST_FOR_SHADING:
         shown, _ = select_neutral(bundle, template, seen)
@@ -305,37 +307,35 @@ def _joint(
     return shown, state.evidence(), deviation
 
 
-def _classic(collection, template, seen, settings, bundle: Bundle, progress):
-    def on_state(state) -> None:
-        progress.history.append(
-            {"stage": state.stage, "step_mm": state.change_mm, **dict(state.figures)}
-        )
-        done = state.outer - (0 if state.finished else 0.5)
-        progress.clock.tell(
-            "refine",
-            int(2 * done),
-            2 * settings.outer_passes,
-            f"pass {state.outer}, {state.stage}: moved {state.change_mm:.2f} mm",
-        )
-
-    total = 2 * settings.outer_passes
-    progress.clock.tell("refine", 0, total, "measuring light")
-    surface, cameras, evidence = run_imls(
-        collection.photos,
-        template,
-        seen,
-        settings,
-        on_state,
-        progress.clock.check_cancelled,
+def _classic(collection, template, prior, settings, bundle: Bundle, progress):
+    seen = observe_landmarks(collection.photos, collection.landmarks, template)
+    problem = Problem(collection, template, prior, seen, settings)
+    start = FaceEstimate(
+        bundle.surface,
+        bundle.cameras,
+        bundle.structure,
+        bundle.expressions,
+        bundle.modes,
+        bundle.smooth,
+        np.ones(len(bundle.cameras)),
     )
+    method = {"imls": imls, "paper": paper}[settings.method]
+    now = start
+    for step in method(problem, start, progress.clock.check_cancelled):
+        now = step.estimate
+        progress.history.append(
+            {"stage": step.stage, "residual": step.residual, "step_mm": step.step_mm}
+        )
+        message = f"{step.stage}: moved {step.step_mm:.2f} mm"
+        progress.clock.tell("refine", step.done, step.total, message)
     shown = replace(
         bundle,
-        surface=surface,
-        cameras=cameras,
-        structure=surface.evaluate(*template.landmark_uv[seen.index].T),
-        expressions=np.zeros_like(bundle.expressions),
+        surface=now.surface,
+        cameras=now.cameras,
+        structure=now.landmarks_xyz,
+        expressions=now.expressions,
     )
-    return shown, evidence
+    return shown, now.photometric
 
 
 def _linear_cameras(collection, template, seen, settings) -> list[Camera]:
