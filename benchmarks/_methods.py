@@ -17,7 +17,7 @@ from bsface.prepare import PhotoCollection
 from bsface.reconstruct import solve
 from bsface.result import Reconstruction
 from bsface.settings import Settings
-from bsface.solve.paper.on_photos import sample_photos
+from bsface.solve.paper.methods import sample_photos
 from bsface.surface.template import Template
 
 #: Name -> words for the page. "default" is what a user gets who chooses nothing.

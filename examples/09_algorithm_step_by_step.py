@@ -8,13 +8,11 @@ import sys
 from pathlib import Path
 
 import bsface
-import numpy as np
+from bsface.landmarks.observations import observe_landmarks
 from bsface.prepare import collect_photos
-from bsface.reconstruct import observations
 from bsface.solve.joint.samples import sample_grid
-from bsface.solve.paper.algorithm1 import Limits, imls, paper_steps
-from bsface.solve.paper.motion import PaperLandmarks
-from bsface.solve.paper.on_photos import sample_photos
+from bsface.solve.paper.algorithm1 import Limits, algorithm1, paper_steps
+from bsface.solve.paper.methods import sample_photos
 from bsface.solve.paper.shading import ShadingParameters
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
@@ -26,11 +24,7 @@ def main(photos=PHOTOS, out=OUT, settings=None):
     settings = settings or bsface.Settings()
     found = collect_photos(photos, settings)
     template = bsface.load_template().resampled(settings.control_points)
-    seen = observations(found, template)
-    middles = [[(w - 1) / 2, (h - 1) / 2] for w, h in (p.size for p in found.photos)]
-    landmarks = PaperLandmarks(
-        seen.pixels, seen.weight, template.landmark_uv[seen.index], np.array(middles)
-    )
+    landmarks = observe_landmarks(found.photos, found.landmarks, template)
     uv = sample_grid(template, 40)
 
     def sample(surface, cameras):
@@ -46,7 +40,7 @@ def main(photos=PHOTOS, out=OUT, settings=None):
         shading=ShadingParameters(lam=settings.lam),
     )
     states = []
-    for state in imls(template.surface, uv, steps, Limits(outer=1, motion=6)):
+    for state in algorithm1(template.surface, uv, steps, Limits(outer=1, motion=6)):
         figures = ", ".join(f"{k} {v:.3g}" for k, v in state.figures.items())
         print(
             f"pass {state.outer}, {state.stage} {state.inner}: "

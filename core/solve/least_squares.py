@@ -16,11 +16,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-Array = NDArray[np.float64]
+from .._types import Array
 
 # A solution whose residual exceeds this part of the right side is not accepted.
 RESIDUAL_LIMIT = 1e-6

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from bsface.camera.camera import Camera
 from bsface.errors import PhotoFailure
+from bsface.landmarks.observations import LandmarkObservations
 from bsface.solve.paper.motion import (
     RIDGE,
-    PaperLandmarks,
     estimate_poses,
     landmark_rms,
     motion_vector,
@@ -30,6 +30,11 @@ def net(depth=30.0, shape=SHAPE):
     return np.stack([x, y, z], -1).reshape(-1, 3)
 
 
+def observations(pixels, weight, uv, principal):
+    index = np.arange(pixels.shape[1])
+    return LandmarkObservations(pixels, weight, index, uv, principal)
+
+
 def scene(b, photos=6, points=40, seed=0, shape=SHAPE):
     rng = np.random.default_rng(seed)
     uv = rng.uniform(0.05, 0.95, (points, 2))
@@ -41,7 +46,7 @@ def scene(b, photos=6, points=40, seed=0, shape=SHAPE):
         cameras.append(Camera(R, rng.uniform(0.5, 4), t, 0.0, np.array([200, 150.0])))
     q = np.stack([c.project(Q) for c in cameras])
     principal = np.tile([200.0, 150.0], (photos, 1))
-    return cameras, PaperLandmarks(
+    return cameras, observations(
         q, rng.uniform(0.3, 1, (photos, points)), uv, principal
     )
 
@@ -110,35 +115,35 @@ def test_warp_with_true_poses_recovers_depth():
 
 def test_size_of_a_photo_does_not_matter():
     cameras, landmarks = scene(net(35))
-    landmarks.q[0] += np.random.default_rng(6).normal(size=(40, 2))
+    landmarks.pixels[0] += np.random.default_rng(6).normal(size=(40, 2))
     a, _ = warp(net(), SHAPE, cameras, landmarks)
     big = 10.0
     c = cameras[0]
     cameras[0] = Camera(c.R, big * c.s, big * c.t, 0.0, big * c.principal)
-    q = landmarks.q.copy()
+    q = landmarks.pixels.copy()
     q[0] *= big
     principal = landmarks.principal.copy()
     principal[0] *= big
-    scaled = PaperLandmarks(q, landmarks.weights, landmarks.uv, principal)
+    scaled = observations(q, landmarks.weight, landmarks.uv, principal)
     b, _ = warp(net(), SHAPE, cameras, scaled)
     assert np.allclose(a, b, atol=1e-8)
 
 
 def test_missing_landmarks_and_photos_have_no_say():
     cameras, landmarks = scene(net(35))
-    q = landmarks.q.copy()
-    weights = landmarks.weights.copy()
+    q = landmarks.pixels.copy()
+    weights = landmarks.weight.copy()
     q[1, :5] = np.nan
     weights[2, :5] = 0
     q[2, :5] = 1e6
-    spoilt = PaperLandmarks(q, weights, landmarks.uv, landmarks.principal)
+    spoilt = observations(q, weights, landmarks.uv, landmarks.principal)
     failed = [*cameras[:-1], PhotoFailure("x", "implausible", "x: no pose.")]
     b, _ = warp(net(), SHAPE, failed, spoilt)
     assert np.isfinite(b).all()
     assert landmark_rms(b, SHAPE, failed, spoilt) < 2
-    clean = PaperLandmarks(
-        landmarks.q[:-1],
-        spoilt.weights[:-1],
+    clean = observations(
+        landmarks.pixels[:-1],
+        spoilt.weight[:-1],
         landmarks.uv,
         landmarks.principal[:-1],
     )
@@ -154,10 +159,10 @@ def test_mirrored_photos_give_the_mirrored_shape():
     other = [
         Camera(flip @ c.R @ flip, c.s, c.t * [-1, 1], 0.0, np.zeros(2)) for c in cameras
     ]
-    q = (landmarks.q - landmarks.principal[:, None]) * [-1, 1]
-    mirrored = PaperLandmarks(
+    q = (landmarks.pixels - landmarks.principal[:, None]) * [-1, 1]
+    mirrored = observations(
         q,
-        landmarks.weights,
+        landmarks.weight,
         landmarks.uv * [-1, 1] + [1, 0],
         np.zeros_like(landmarks.principal),
     )
@@ -173,6 +178,6 @@ def test_refuses_what_cannot_work():
     with pytest.raises(ValueError, match="no data"):
         warp(net(), SHAPE, [PhotoFailure("x", "implausible", "x")] * 6, landmarks)
     with pytest.raises(ValueError, match="landmarks need"):
-        PaperLandmarks(
-            landmarks.q, landmarks.weights, landmarks.uv[:-1], landmarks.principal
+        observations(
+            landmarks.pixels, landmarks.weight, landmarks.uv[:-1], landmarks.principal
         )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bsface.solve.paper.shading import (
+    NormalField,
     NormalRows,
     ShadingParameters,
     cross_matrix,
@@ -91,7 +92,7 @@ def test_equals_the_dense_normal_equations(rows, equation, reference):
         "6": (solve_eq6, left_matrix, rows.T1),
         "7": (solve_eq7, right_matrix, rows.T2),
     }[equation]
-    got = solve(b0, h, bt, rows, par, weights).x
+    got = solve(b0, NormalField(h, weights), bt, rows, par).x
 
     w = np.repeat(weights / weights.sum(), 3)
     G = make(b0, rows).toarray()
@@ -117,8 +118,8 @@ def test_equals_the_dense_normal_equations(rows, equation, reference):
 
 def test_own_normals_are_a_fixed_point(rows):
     b = face_like()
-    h = normals_of(b, rows)
-    b2, figures = shading_step(b, h, b, rows)
+    own = normals_of(b, rows)
+    b2, figures = shading_step(b, NormalField(own, np.ones(len(own))), b, rows)
     assert np.allclose(b2, b, atol=1e-6)
     assert figures["normal_rms_deg"] < 1e-4
 
@@ -129,7 +130,7 @@ def test_alternation_reaches_the_given_normals():
     u, v = grid_parameters(40, 40)
     rows = NormalRows.at(shape, np.stack([u, v], 1))
     bt, truth = face_like(shape, 30), face_like(shape, 40)
-    h = normals_of(truth, rows)
+    h = NormalField(normals_of(truth, rows), np.ones(len(u)))
     exact = ShadingParameters(lam=1.0, derivative_reference="previous")
     before = normal_rms_degrees(h, normals_of(bt, rows))
     b0, angles = bt, [before]

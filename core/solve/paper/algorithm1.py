@@ -25,43 +25,24 @@ Readings of the text
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._types import Array
 from ...camera.camera import Camera
 from ...errors import PhotoFailure, ReconstructionError
+from ...landmarks.observations import LandmarkObservations
 from ...surface.bspline import BSplineSurface
-from .motion import PaperLandmarks, estimate_poses, warp
-from .photometric import RANK, SvdPhotometric, photometric_svd
-from .shading import NormalRows, ShadingParameters, shading_step
+from .motion import estimate_poses, warp
+from .photometric import RANK, photometric_svd
+from .shading import NormalField, NormalRows, ShadingParameters, shading_step
 
-Array = NDArray[np.float64]
 Cameras = tuple[Camera | PhotoFailure, ...]
 Figures = Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class NormalField:
-    """What photometric stereo gives to the local step.
-
-    Parameters
-    ----------
-    h : (p, 3) array
-        Outward unit normals at the sample points.
-    weights : (p,) array
-        Confidence; 0 where nothing is known.
-    source : object
-        The evidence that it came from, carried into the states.
-    """
-
-    h: Array
-    weights: Array
-    source: Any = None
 
 
 @dataclass(frozen=True)
@@ -113,9 +94,19 @@ class Limits:
         if min(self.outer_mm, self.shading_mm, self.motion_mm) < 0:
             raise ValueError("tolerances must not be negative")
 
+    def progress(self, state: State) -> tuple[int, int]:
+        """Turns up to a state, those of loops that ended early included, and of all."""
+        turns = self.shading + self.motion
+        inner = {
+            "shading": state.inner,
+            "motion": self.shading + state.inner,
+            "outer": turns,
+        }[state.stage]
+        return (state.outer - 1) * turns + inner, self.outer * turns
+
 
 @dataclass(frozen=True)
-class ImlsState:
+class State:
     """One turn of one loop.
 
     Parameters
@@ -138,8 +129,6 @@ class ImlsState:
         This loop has reached its tolerance.
     last : bool
         This loop ends with this state, converged or at its limit.
-    evidence : object
-        ``source`` of the latest `NormalField`.
     """
 
     stage: str
@@ -151,7 +140,12 @@ class ImlsState:
     figures: Figures = field(default_factory=lambda: MappingProxyType({}))
     converged: bool = False
     last: bool = False
-    evidence: Any = None
+
+    @property
+    def residual(self) -> float:
+        """Of the latest step: normals in degrees ("shading"), else landmarks in mm."""
+        shading = self.stage == "shading"
+        return self.figures["normal_rms_deg" if shading else "landmark_rms_mm"]
 
     @property
     def finished(self) -> bool:
@@ -159,12 +153,12 @@ class ImlsState:
         return self.stage == "outer" and self.last
 
 
-def imls(
+def algorithm1(
     template: BSplineSurface,
     uv: Array,
     steps: Steps,
     limits: Limits | None = None,
-) -> Iterator[ImlsState]:
+) -> Iterator[State]:
     """Algorithm 1.
 
     Parameters
@@ -179,7 +173,7 @@ def imls(
 
     Yields
     ------
-    ImlsState
+    State
         After each turn of each loop; the last one is ``finished``.
 
     Raises
@@ -198,18 +192,18 @@ def imls(
         return BSplineSurface(b.reshape(*shape, 3))
 
     bt = b = template.vector
-    evidence: Any = None
     for outer in range(1, limits.outer + 1):
         start = b
         b0 = bt
         cameras = _posed(steps.poses(bt))
         for inner in range(1, limits.shading + 1):
             normals = steps.photometric(surface(b0), surface(bt), cameras)
-            evidence = normals.source
-            old, (b0, figures) = b0, _solved(steps.shading, b0, normals, bt)
+            old = b0
+            with _singular_told():
+                b0, figures = steps.shading(b0, normals, bt)
             change = moved(b0, old)
             done = change < limits.shading_mm
-            state = ImlsState(
+            state = State(
                 stage="shading",
                 outer=outer,
                 inner=inner,
@@ -219,19 +213,20 @@ def imls(
                 figures=figures,
                 converged=done,
                 last=done or inner == limits.shading,
-                evidence=evidence,
             )
             yield state
             if state.last:
                 break
         for inner in range(1, limits.motion + 1):
             cameras = _posed(steps.poses(bt))
-            old, (b, figures) = bt, _solved(steps.warp, b0, cameras)
+            old = bt
+            with _singular_told():
+                b, figures = steps.warp(b0, cameras)
             bt = b
             change = moved(bt, old)
             # The first turn also brings the shading in, so it never ends the loop.
             done = change < limits.motion_mm and inner > 1
-            state = ImlsState(
+            state = State(
                 stage="motion",
                 outer=outer,
                 inner=inner,
@@ -241,7 +236,6 @@ def imls(
                 figures=figures,
                 converged=done,
                 last=done or inner == limits.motion,
-                evidence=evidence,
             )
             yield state
             if state.last:
@@ -262,7 +256,7 @@ def imls(
 
 
 def paper_steps(
-    landmarks: PaperLandmarks,
+    landmarks: LandmarkObservations,
     shape: tuple[int, int],
     uv: Array,
     sample: Callable[[BSplineSurface, Cameras], tuple[Array, Array]],
@@ -282,10 +276,10 @@ def paper_steps(
     uv : (p, 2) array
         Points that get a normal, the ``p`` "pixels" of ``M``.
     sample : (surface, cameras) -> (M, weights)
-        Intensities and visibility, (n, p) each, of the photos whose camera is not a
-        failure, at ``uv``.
+        Intensities and visibility at ``uv``, (n, p) each; a photo whose camera is a
+        failure sees nothing.
     zeta : float
-        Of Eq. 8; see `motion_paper.warp`.
+        Of Eq. 8; see `warp`.
     shading : ShadingParameters, optional
         ``lambda`` and the frontal constraint of Eq. 6 and 7.
     tolerance : float
@@ -312,17 +306,17 @@ def paper_steps(
     ) -> NormalField:
         M, weights = sample(surface, cameras)
         reference = template if ambiguity == "template" else surface
-        result: SvdPhotometric = photometric_svd(
+        result = photometric_svd(
             M, weights, reference.normals(*uv.T), tolerance=tolerance
         )
         # Where fewer than four photos decide, there is only the template's normal.
         known = result.chosen.sum(0) >= RANK
-        return NormalField(result.normals, known.astype(float), result)
+        return NormalField(result.normals, known.astype(float))
 
     return Steps(
         poses=lambda b: estimate_poses(b, shape, landmarks),
         photometric=photometric,
-        shading=lambda b0, n, bt: shading_step(b0, n.h, bt, rows, shading, n.weights),
+        shading=lambda b0, normals, bt: shading_step(b0, normals, bt, rows, shading),
         warp=lambda b0, cameras: warp(b0, shape, cameras, landmarks, zeta),
     )
 
@@ -334,9 +328,11 @@ def _posed(cameras: Sequence[Camera | PhotoFailure]) -> Cameras:
     return tuple(cameras)
 
 
-def _solved(step: Callable[..., tuple[Array, Figures]], *arguments: Any) -> Any:
+@contextlib.contextmanager
+def _singular_told() -> Iterator[None]:
+    """A system without a solution, as a sentence."""
     try:
-        return step(*arguments)
+        yield
     except np.linalg.LinAlgError as error:
         raise ReconstructionError(
             f"A linear system of Algorithm 1 has no solution ({error}); use a larger "

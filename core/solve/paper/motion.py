@@ -24,73 +24,32 @@ Readings of the text
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from ..._types import Array
 from ...camera.camera import Camera
 from ...camera.linear_pose import linear_pose
 from ...errors import PhotoFailure
+from ...landmarks.observations import LandmarkObservations
 from ...surface.bending import bending_matrix
 from ...surface.bspline import basis_matrix
 from ..least_squares import solve_symmetric
 
-Array = NDArray[np.float64]
-
 RIDGE = 1e-3
 
 
-@dataclass(frozen=True)
-class PaperLandmarks:
-    """Landmarks of all photos and where they lie on the surface.
-
-    Parameters
-    ----------
-    q : (n, f, 2) array
-        Pixels of each photo; not finite where unknown.
-    weights : (n, f) array
-        0 leaves a landmark out.
-    uv : (f, 2) array
-        Their parameters on the surface, ``(u(i), v(i))`` of Eq. 4.
-    principal : (n, 2) array
-        Principal points, pixels.
-    names : tuple of str
-        The photos, for messages.
-    """
-
-    q: Array
-    weights: Array
-    uv: Array
-    principal: Array
-    names: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        n, f = self.q.shape[:2]
-        got = (self.weights.shape, self.uv.shape, self.principal.shape)
-        if self.q.shape != (n, f, 2) or got != ((n, f), (f, 2), (n, 2)):
-            raise ValueError(
-                "landmarks need q (n, f, 2), weights (n, f), uv (f, 2) and principal "
-                f"(n, 2); got {self.q.shape}, {got[0]}, {got[1]} and {got[2]}"
-            )
-        known = np.isfinite(self.q).all(2) & (self.weights > 0)
-        object.__setattr__(self, "weights", np.where(known, self.weights, 0.0))
-        object.__setattr__(self, "q", np.where(known[..., None], self.q, 0.0))
-        if len(self.names) != n:
-            object.__setattr__(self, "names", tuple(f"photo {i}" for i in range(n)))
-
-
 def estimate_poses(
-    b: Array, shape: tuple[int, int], landmarks: PaperLandmarks
+    b: Array, shape: tuple[int, int], landmarks: LandmarkObservations
 ) -> tuple[Camera | PhotoFailure, ...]:
     """``s, R, t`` of every photo from the surface ``b`` (M*N, 3), section 2.3.1."""
     Q = basis_matrix(shape, *landmarks.uv.T) @ b
     return tuple(
         linear_pose(q, Q, w, (float(x), float(y)), name)
         for q, w, (x, y), name in zip(
-            landmarks.q,
-            landmarks.weights,
+            landmarks.pixels,
+            landmarks.weight,
             landmarks.principal,
             landmarks.names,
             strict=True,
@@ -99,7 +58,7 @@ def estimate_poses(
 
 
 def motion_vector(
-    cameras: Sequence[Camera | PhotoFailure], landmarks: PaperLandmarks
+    cameras: Sequence[Camera | PhotoFailure], landmarks: LandmarkObservations
 ) -> tuple[Array, Array, Array]:
     """``f`` and ``P``, divided by the scales, and the weights of the observations.
 
@@ -112,14 +71,14 @@ def motion_vector(
     weights : (n, f) array
         Sum 1; zero for photos without a pose.
     """
-    n, count = landmarks.weights.shape
+    n, count = landmarks.weight.shape
     f, P = np.zeros((n, count, 2)), np.zeros((n, 2, 3))
-    weights = landmarks.weights.copy()
+    weights = landmarks.weight.copy()
     for i, camera in enumerate(cameras):
         if not isinstance(camera, Camera):
             weights[i] = 0.0
             continue
-        q = landmarks.q[i] - camera.principal - camera.t
+        q = landmarks.pixels[i] - camera.principal - camera.t
         f[i] = q * np.array([1.0, -1.0]) / camera.s
         P[i] = camera.R[:2]
     total = weights.sum()
@@ -130,7 +89,7 @@ def warp(
     b0: Array,
     shape: tuple[int, int],
     cameras: Sequence[Camera | PhotoFailure],
-    landmarks: PaperLandmarks,
+    landmarks: LandmarkObservations,
     zeta: float = 1e-3,
 ) -> tuple[Array, dict[str, float]]:
     """Eq. 8 by the closed form of Algorithm 1, factorised sparsely.
@@ -191,7 +150,7 @@ def landmark_rms(
     b: Array,
     shape: tuple[int, int],
     cameras: Sequence[Camera | PhotoFailure],
-    landmarks: PaperLandmarks,
+    landmarks: LandmarkObservations,
 ) -> float:
     """Root mean square landmark residual of the surface ``b``, mm on the face."""
     f, P, w = motion_vector(cameras, landmarks)

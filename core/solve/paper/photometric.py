@@ -28,7 +28,7 @@ Readings of the text
 
 Even so the normals of a face are worse than the template's: attached and cast shadows
 are not of rank 4, and the 16 unknowns of ``A`` follow the errors of the template.
-`photometric` has the robust method; this one is for comparison.
+`photometry.lighting` has the robust method; this one is for comparison.
 """
 
 from __future__ import annotations
@@ -36,11 +36,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..._types import Array, Mask
 from ...errors import ReconstructionError
-
-Array = NDArray[np.float64]
 
 RANK = 4
 G = np.diag([-1.0, 1.0, 1.0, 1.0])
@@ -73,7 +71,7 @@ class SvdPhotometric:
     lights: Array
     ambiguity: Array
     singular_values: Array
-    chosen: NDArray[np.bool_]
+    chosen: Mask
     residual: float
 
 
@@ -168,7 +166,7 @@ def photometric_svd(
     )
 
 
-def fill_missing(M: Array, seen: NDArray[np.bool_]) -> Array:
+def fill_missing(M: Array, seen: Mask) -> Array:
     """Photos of equal brightness, holes filled with the mean of their point.
 
     Parameters
@@ -193,7 +191,7 @@ def fill_missing(M: Array, seen: NDArray[np.bool_]) -> Array:
     return np.where(seen, known, _mean(known, seen))
 
 
-def template_shape(mean: Array, normals: Array, trusted: NDArray[np.bool_]) -> Array:
+def template_shape(mean: Array, normals: Array, trusted: Mask) -> Array:
     """``S^t`` (4, p): template normals times an estimate of the albedo.
 
     Parameters
@@ -221,10 +219,10 @@ def fit_ambiguity(S: Array, St: Array) -> Array:
 def choose_photos(
     M: Array,
     model: Array,
-    seen: NDArray[np.bool_],
+    seen: Mask,
     tolerance: float,
     minimum_share: float,
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Which photos agree with the rank-4 model at each point, (n, p).
 
     Photos beyond ``tolerance`` (relative to the point's mean) are left out, but never
@@ -238,9 +236,7 @@ def choose_photos(
     return seen & ((error <= limit) | (rank < keep))
 
 
-def constrained_shape(
-    M: Array, L: Array, chosen: NDArray[np.bool_], start: Array
-) -> Array:
+def constrained_shape(M: Array, L: Array, chosen: Mask, start: Array) -> Array:
     """``min ||m - L s||^2`` subject to ``s^T G s = 0``, point by point.
 
     With ``B = L^T L`` of the chosen photos the stationary points are ``(B + mu G) s =
@@ -291,7 +287,7 @@ def constrained_shape(
     return result
 
 
-def _mean(known: Array, seen: NDArray[np.bool_]) -> Array:
+def _mean(known: Array, seen: Mask) -> Array:
     """Mean over the photos that see a point; mean of all for the others."""
     count = seen.sum(0)
     overall = known.sum() / max(int(seen.sum()), 1)

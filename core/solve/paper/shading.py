@@ -36,13 +36,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from ..._types import Array
 from ...surface.bspline import basis_matrix
 from ..least_squares import Block, LeastSquaresSolution, ridge, solve_least_squares
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -85,6 +83,22 @@ class ShadingParameters:
             raise ValueError("weights of the shading step must not be negative")
         if self.frontal_scale_mm <= 0:
             raise ValueError("frontal_scale_mm must be positive")
+
+
+@dataclass(frozen=True)
+class NormalField:
+    """What photometric stereo gives to Eq. 6 and 7.
+
+    Parameters
+    ----------
+    h : (p, 3) array
+        Outward unit normals at the sample points.
+    weights : (p,) array
+        Confidence, 1 for all in the paper; 0 where nothing is known.
+    """
+
+    h: Array
+    weights: Array
 
 
 @dataclass(frozen=True)
@@ -155,11 +169,10 @@ def right_matrix(b0: Array, rows: NormalRows) -> sparse.csr_array:
 
 def solve_eq6(
     b0: Array,
-    h: Array,
+    normals: NormalField,
     bt: Array,
     rows: NormalRows,
     parameters: ShadingParameters | None = None,
-    weights: Array | None = None,
 ) -> LeastSquaresSolution:
     """Eq. 6: ``|h - L|b_0 b|^2 + |T^(sxy)(b - b_t)|^2 + lambda |T1 (b - b_ref)|^2``.
 
@@ -167,43 +180,43 @@ def solve_eq6(
     ----------
     b0 : (M*N, 3) array
         Where ``L`` is taken.
-    h : (p, 3) array
-        Target normals, outward.
+    normals : NormalField
+        Target normals ``h``.
     bt : (M*N, 3) array
         Template; reference of the frontal constraint.
     rows : NormalRows
         Coefficients at the ``p`` points.
     parameters : ShadingParameters, optional
-    weights : (p,) array, optional
-        Confidence of each normal, 1 for all in the paper.
 
     Returns
     -------
     LeastSquaresSolution
         ``x`` (3*M*N,); residuals in the order normals, frontal, lambda, ridge.
     """
-    return _solve(left_matrix(b0, rows), rows.T1, b0, h, bt, rows, parameters, weights)
+    return _solve(
+        b0, normals, bt, rows, parameters, matrix=left_matrix(b0, rows), frozen=rows.T1
+    )
 
 
 def solve_eq7(
     b0: Array,
-    h: Array,
+    normals: NormalField,
     bt: Array,
     rows: NormalRows,
     parameters: ShadingParameters | None = None,
-    weights: Array | None = None,
 ) -> LeastSquaresSolution:
     """Eq. 7: as `solve_eq6` with ``R`` for ``L`` and ``T2`` for ``T1``."""
-    return _solve(right_matrix(b0, rows), rows.T2, b0, h, bt, rows, parameters, weights)
+    return _solve(
+        b0, normals, bt, rows, parameters, matrix=right_matrix(b0, rows), frozen=rows.T2
+    )
 
 
 def shading_step(
     b0: Array,
-    h: Array,
+    normals: NormalField,
     bt: Array,
     rows: NormalRows,
     parameters: ShadingParameters | None = None,
-    weights: Array | None = None,
 ) -> tuple[Array, dict[str, float]]:
     """One turn of Eq. 6 and Eq. 7: lines 6 and 7 of Algorithm 1.
 
@@ -215,20 +228,20 @@ def shading_step(
         ``normal_rms_deg`` between ``h`` and the normals of ``b2``, and ``condition``,
         the larger of both systems.
     """
-    first = solve_eq6(b0, h, bt, rows, parameters, weights)
+    first = solve_eq6(b0, normals, bt, rows, parameters)
     b1 = first.x.reshape(-1, 3)
-    second = solve_eq7(b1, h, bt, rows, parameters, weights)
+    second = solve_eq7(b1, normals, bt, rows, parameters)
     b2 = second.x.reshape(-1, 3)
     return b2, {
-        "normal_rms_deg": normal_rms_degrees(h, normals_of(b2, rows), weights),
+        "normal_rms_deg": normal_rms_degrees(normals, normals_of(b2, rows)),
         "condition": max(first.condition, second.condition),
     }
 
 
-def normal_rms_degrees(h: Array, n: Array, weights: Array | None = None) -> float:
-    """Root mean square angle between two sets of unit normals, in degrees."""
-    angle = np.degrees(np.arccos(np.clip((h * n).sum(1), -1, 1)))
-    return float(np.sqrt(np.average(angle**2, weights=weights)))
+def normal_rms_degrees(target: NormalField, n: Array) -> float:
+    """Root mean square angle of unit normals ``n`` (p, 3) to the target, degrees."""
+    angle = np.degrees(np.arccos(np.clip((target.h * n).sum(1), -1, 1)))
+    return float(np.sqrt(np.average(angle**2, weights=target.weights)))
 
 
 def _three(T: sparse.csr_array) -> sparse.csr_array:
@@ -237,29 +250,28 @@ def _three(T: sparse.csr_array) -> sparse.csr_array:
 
 
 def _solve(
-    matrix: sparse.csr_array,
-    frozen: sparse.csr_array,
     b0: Array,
-    h: Array,
+    normals: NormalField,
     bt: Array,
     rows: NormalRows,
     parameters: ShadingParameters | None,
-    weights: Array | None,
+    *,
+    matrix: sparse.csr_array,
+    frozen: sparse.csr_array,
 ) -> LeastSquaresSolution:
     par = parameters or ShadingParameters()
-    w = np.ones(len(h)) if weights is None else np.asarray(weights, float)
-    w = w / w.sum()
+    w = normals.weights / normals.weights.sum()
     w3 = np.repeat(w, 3)
     reference = b0 if par.derivative_reference == "previous" else bt
     # T^(sxy): the rows of z are zero, so that depth stays free.
-    flat = sparse.diags_array(np.tile([1.0, 1.0, 0.0], len(h))) @ _three(rows.T)
+    flat = sparse.diags_array(np.tile([1.0, 1.0, 0.0], len(w))) @ _three(rows.T)
     length2 = float(w @ ((frozen @ bt) ** 2).sum(1))
     xy = par.frontal_weight / par.frontal_scale_mm**2
     scale2 = par.frontal_scale_mm**2 * len(b0)
     derivative = _three(frozen)
     return solve_least_squares(
         [
-            Block(matrix, h.ravel(), w3),
+            Block(matrix, normals.h.ravel(), w3),
             Block(flat, flat @ bt.ravel(), xy * w3),
             Block(derivative, derivative @ reference.ravel(), par.lam / length2 * w3),
             ridge(3 * len(b0), par.ridge / scale2, b0.ravel()),
