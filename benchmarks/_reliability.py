@@ -34,14 +34,14 @@ def reliability(
     found : Score
         Of the result's surface.
     """
-    if result is None or result.confidence is None:
+    if result is None or result.deviation is None:
         return []
     scale, R, t = found.transform
     counts = np.isfinite(found.error)
     truth = np.asarray(one.truth["vertices"], float)[counts]
     area = one.areas()[counts]
     uv, _ = result.surface.closest_point((truth - t) @ R / scale)
-    field = basis_matrix(result.surface.shape, *uv.T) @ result.confidence.ravel()
+    field = basis_matrix(result.surface.shape, *uv.T) @ result.deviation.ravel()
     deviation = 100 * scale * field / one.eye_distance
     return compare(one.name, method, deviation, found.error[counts], area)
 

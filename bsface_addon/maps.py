@@ -58,8 +58,8 @@ def all_maps(result, texture=None):
             f"Dark: photos and surface agree; light: {RESIDUAL_TOP:.0%} apart; "
             "grey: not measured",
         )
-    if result.confidence is not None:
-        values = confidence_map(result.confidence, RESOLUTION)
+    if result.deviation is not None:
+        values = confidence_map(result.deviation, RESOLUTION)
         top = float(np.percentile(values, 98))
         found["CONFIDENCE"] = Map(
             colour_map(values, 0.0, top),

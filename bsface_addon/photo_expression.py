@@ -22,7 +22,7 @@ FAINT = 1e-3
 
 def keep(face, result):
     """Store the expressions of a run's photos; nothing where they share one."""
-    from ..core.formats.face_file import to_json
+    from ..core.json_text import to_json
 
     found = {}
     if result.expressions is not None:

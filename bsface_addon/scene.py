@@ -215,7 +215,7 @@ def _add_lights(face, result, own):
 
 
 def _write_facts(face, result):
-    from ..core.formats.face_file import to_json
+    from ..core.json_text import to_json
 
     face[SETTINGS] = to_json(result.settings.to_dict())
     face[REPORT] = to_json(list(result.reports))

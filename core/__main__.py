@@ -23,7 +23,7 @@ from .cli.bar import Bar
 from .cli.stopping import stoppable
 from .errors import Cancelled, ReconstructionError, out_of_memory
 from .formats import export
-from .formats.face_file import to_json
+from .json_text import to_json
 from .progress import Step
 from .reconstruct import reconstruct
 from .surface.template import load_template

@@ -22,7 +22,7 @@ import numpy as np
 from bsface.drawing.pictures import write_png
 from bsface.drawing.render import SurfaceGrid, shaded_view
 from bsface.errors import ReconstructionError
-from bsface.formats import export, read_npz
+from bsface.formats import export, load_face
 from bsface.surface.bspline import grid_triangles
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -119,7 +119,7 @@ def main(file: str | Path = FACE) -> None:
     if not Path(file).is_file():
         print(f"{file} is not there (python3 dev.py demo makes it); drawing unchanged")
         return
-    face = read_npz(file)
+    face = load_face(file)
     columns = []
     with tempfile.TemporaryDirectory() as folder:
         for ending, (title, reader) in READERS.items():

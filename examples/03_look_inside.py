@@ -55,8 +55,8 @@ def main(photos=PHOTOS, out=OUT, settings=None):
         light = result.photometric.lights[0]
         print("light from", (light[1:4] / np.linalg.norm(light[1:4])).round(2))
         print("diversity of light:", result.photometric.singular_values[:4].round(3))
-    if result.confidence is not None:
-        inner = result.confidence[5:-5, 5:-5]
+    if result.deviation is not None:
+        inner = result.deviation[5:-5, 5:-5]
         print(f"standard deviation inside the net: {np.median(inner):.2f} mm")
     return result
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import bsface
-from bsface.formats import WRITERS, export, read_npz
+from bsface.formats import WRITERS, export, load_face
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
 OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
@@ -20,7 +20,7 @@ def main(photos=PHOTOS, out=OUT, settings=None):
     file = out / "face.npz"
     if not file.is_file():
         export(file, bsface.reconstruct(photos, settings))
-    face = read_npz(file)  # no photos and no second run are needed any more
+    face = load_face(file)  # no photos and no second run are needed any more
 
     written = []
     for ending, (what, _) in WRITERS.items():

@@ -11,7 +11,7 @@ import bsface
 import cv2
 import numpy as np
 from bsface.drawing.pictures import write_png
-from bsface.formats import export, read_npz
+from bsface.formats import export, load_face
 from bsface.images.folder import list_photos
 
 PHOTOS = Path(__file__).resolve().parent / "photos"
@@ -25,7 +25,7 @@ def main(photos=PHOTOS, out=OUT, settings=None):
     export(out / "known.npz", bsface.reconstruct(known, settings))
 
     # The face file is all that is needed from here on.
-    face = read_npz(out / "known.npz")
+    face = load_face(out / "known.npz")
     (found,) = bsface.track(new, face).photos
     yaw, pitch, roll = found.camera.yaw_pitch_roll
     print(f"{found.name}: yaw {yaw:.0f}, pitch {pitch:.0f}, roll {roll:.0f} degrees")

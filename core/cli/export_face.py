@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 
 from ..errors import ReconstructionError
-from ..formats import ending, export, read_npz
+from ..formats import ending, export, load_face
 from .arguments import check_outputs, say
 
 
@@ -59,7 +59,7 @@ def main(argv: Sequence[str]) -> int:
         say(str(error))
         return 2
     try:
-        face = read_npz(args.face)
+        face = load_face(args.face)
         for name in args.output:
             export(
                 name,

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import ReconstructionError
-from ..formats.face_file import SavedFace, read_npz, to_json
+from ..formats import load_face
+from ..json_text import plain, to_json
+from ..result import Reconstruction
 from .arguments import say
 
 
@@ -34,7 +36,7 @@ def main(argv: Sequence[str]) -> int:
     """
     args = parser().parse_args(argv)
     try:
-        face = read_npz(args.face)
+        face = load_face(args.face)
     except ReconstructionError as error:
         say(str(error))
         return 1
@@ -44,12 +46,12 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def summary(face: SavedFace) -> dict[str, Any]:
+def summary(face: Reconstruction) -> dict[str, Any]:
     """The facts about a face file: size, run, photos.
 
     Parameters
     ----------
-    face : SavedFace
+    face : Reconstruction
 
     Returns
     -------
@@ -60,21 +62,22 @@ def summary(face: SavedFace) -> dict[str, Any]:
         and albedo are stored), ``warnings``, ``settings`` and ``report``.
     """
     points = face.surface.grid(60, 60).reshape(-1, 3)
-    spread = None if face.confidence is None else float(np.median(face.confidence))
-    rows = [row for row in face.report if isinstance(row, Mapping)]
-    settings = face.settings if isinstance(face.settings, Mapping) else {}
-    about = face.about if isinstance(face.about, Mapping) else {}
+    spread = None if face.deviation is None else float(np.median(face.deviation))
+    rows = plain(face.reports)
+    settings = face.settings.to_dict()
     return {
         "control_points": list(face.surface.shape),
         "size_mm": [round(float(x), 2) for x in np.ptp(points, axis=0)],
-        "method": settings.get("method"),
-        "eye_distance_mm": settings.get("eye_distance_mm"),
-        "used": sum(row.get("status") == "used" for row in rows),
+        "method": face.settings.method,
+        "eye_distance_mm": face.settings.eye_distance_mm,
+        "used": face.used,
         "photos": len(rows),
         "confidence_mm": spread,
-        "lit": bool(face.photometric),
-        "warnings": list(about.get("warnings") or ()),
-        "settings": dict(settings),
+        "lit": face.photometric is not None,
+        "warnings": list(face.warnings),
+        "settings": settings,
+        "program": face.provenance.program,
+        "date": face.provenance.date,
         "report": rows,
     }
 

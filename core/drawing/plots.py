@@ -6,7 +6,7 @@ that plots follow its light or dark scheme.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -194,13 +194,9 @@ def singular_plot(values: Array) -> str:
     return _svg(parts, "Singular values")
 
 
-def stage_residuals(history: Sequence[Mapping[str, Any]], stage: str) -> list[float]:
+def stage_residuals(history: Sequence[HistoryEntry], stage: str) -> list[float]:
     """Finite residuals of one stage in their order."""
-    values = [
-        float(step["residual"])
-        for step in history
-        if step.get("stage") == stage and step.get("residual") is not None
-    ]
+    values = [step.residual for step in history if step.stage == stage]
     return [value for value in values if np.isfinite(value)]
 
 
@@ -215,7 +211,7 @@ def _levels(low: float, high: float) -> list[float]:
     return [float(k * step) for k in range(first, max(last, first + 1) + 1)]
 
 
-def convergence_plot(history: Sequence[Mapping[str, Any]], stage: str) -> str:
+def convergence_plot(history: Sequence[HistoryEntry], stage: str) -> str:
     """Residual of one stage over its iterations."""
     values = stage_residuals(history, stage)
     levels = _levels(min(values), max(values))

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ReconstructionError
-from .face_file import SavedFace, read_npz, write_npz
+from ..result import Reconstruction
+from .face_file import load_face, save_face
 from .iges import write_iges
 from .mesh import write_mesh_obj, write_mesh_ply
 from .obj import write_freeform_obj
@@ -44,7 +45,7 @@ def ending(path: str | os.PathLike) -> str:
 
 def export(
     path: str | os.PathLike,
-    face: Any,
+    face: Reconstruction,
     *,
     trimmed: bool = True,
     tolerance: float = 0.05,
@@ -56,8 +57,8 @@ def export(
     ----------
     path : path-like
         One of ``.npz`` and the endings of `WRITERS`.
-    face : Reconstruction or SavedFace
-        ``.npz`` wants a Reconstruction.
+    face : Reconstruction
+        From `reconstruct` or `load`.
     trimmed : bool
         Trim to the face's outline where the format can.
     tolerance : float
@@ -80,11 +81,7 @@ def export(
             f"{path}: unknown ending; choose one of {', '.join(['.npz', *WRITERS])}."
         )
     if found == ".npz":
-        if isinstance(face, SavedFace):
-            raise ReconstructionError(
-                f"{path}: the face is a .npz file already; copy it."
-            )
-        return write_npz(path, face)
+        return save_face(path, face)
     options: dict[str, Any] = {}
     if found in MESH_ENDINGS:
         if not tolerance > 0:
@@ -96,32 +93,23 @@ def export(
     return WRITERS[found][1](
         path,
         face.surface,
-        face_outline(face) if trimmed else None,
+        face.template.outline_uv if trimmed else None,
         name=name or Path(path).name[: -len(found)] or "face",
         **options,
     )
 
 
-def face_outline(face: Any) -> Any:
-    """Outline (k, 2) in the core's (u, v) of a Reconstruction or SavedFace, or None."""
-    if isinstance(face, SavedFace):
-        return face.outline_uv
-    return None if face.template is None else face.template.outline_uv
-
-
 __all__ = [
     "MESH_ENDINGS",
     "WRITERS",
-    "SavedFace",
     "ending",
     "export",
-    "face_outline",
-    "read_npz",
+    "load_face",
+    "save_face",
     "write_3dm",
     "write_freeform_obj",
     "write_iges",
     "write_mesh_obj",
     "write_mesh_ply",
-    "write_npz",
     "write_step",
 ]

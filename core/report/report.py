@@ -6,11 +6,9 @@ anywhere: pictures and plots are inside the file.
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
-import platform
 from collections.abc import Callable
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,17 +16,18 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from ..drawing import maps, plots
 from ..drawing.pictures import colour_map, encode_png
 from ..drawing.render import render_views
 from ..files import write_bytes, write_text
-from ..formats.face_file import to_json
+from ..json_text import to_json
 from ..images.colour import to_picture
+from ..result import PhotoReport, Reconstruction
 from ..progress import CheckCancelled, never_cancelled
 from ..texture.bake import Texture, bake_texture
 from ..threads import one_blas_thread
+from ..versions import VERSION, library_versions
 from .page import page
 from .photos import thumbnails
 from .sheet import summary_sheet
@@ -40,7 +39,7 @@ TEXTURE_SIZE = 512
 @one_blas_thread()
 def write_report(
     path: str | os.PathLike,
-    reconstruction: Any,
+    reconstruction: Reconstruction,
     *,
     title: str | None = None,
     texture: Texture | None = None,
@@ -105,7 +104,7 @@ def write_report(
 
 
 def report_facts(
-    reconstruction: Any, title: str = "face", timings: bool = True
+    reconstruction: Reconstruction, title: str = "face", timings: bool = True
 ) -> dict[str, Any]:
     """Everything of the page that is not a picture, as plain values."""
     reports = [_entry(report) for report in reconstruction.reports]
@@ -121,7 +120,7 @@ def report_facts(
         "settings": reconstruction.settings.to_dict(),
         "report": reports,
         "warnings": list(reconstruction.warnings),
-        "history": [dict(step) for step in reconstruction.history],
+        "history": [step._asdict() for step in reconstruction.history],
     }
     if reconstruction.cameras:
         facts["cameras"] = [
@@ -136,10 +135,10 @@ def report_facts(
         facts["singular_values"] = values
         energy = np.cumsum(values**2) / max(float((values**2).sum()), 1e-30)
         facts["rank_4_share"] = float(energy[min(3, len(energy) - 1)])
-    if reconstruction.confidence is not None:
+    if reconstruction.deviation is not None:
         facts["confidence_mm"] = {
-            "median": float(np.median(reconstruction.confidence)),
-            "worst": float(np.max(reconstruction.confidence)),
+            "median": float(np.median(reconstruction.deviation)),
+            "worst": float(np.max(reconstruction.deviation)),
         }
     if timings and reconstruction.seconds:
         facts["seconds"] = dict(reconstruction.seconds)
@@ -147,7 +146,7 @@ def report_facts(
 
 
 def report_pictures(
-    reconstruction: Any,
+    reconstruction: Reconstruction,
     texture: Texture | None = None,
     check_cancelled: CheckCancelled = never_cancelled,
 ) -> dict[str, npt.NDArray[np.uint8]]:
@@ -180,8 +179,8 @@ def report_pictures(
         residual = np.asarray(texture.residual, float)
     if residual is not None:
         pictures["residual"] = on_face(residual, 0.0, 0.2)
-    if reconstruction.confidence is not None:
-        spread = maps.confidence_map(reconstruction.confidence)
+    if reconstruction.deviation is not None:
+        spread = maps.confidence_map(reconstruction.deviation)
         pictures["confidence"] = on_face(spread, 0.0, 2.0)
     if texture is not None:
         seen = np.asarray(texture.photos_seen, float)
@@ -190,7 +189,7 @@ def report_pictures(
     return pictures
 
 
-def report_plots(reconstruction: Any) -> dict[str, str]:
+def report_plots(reconstruction: Reconstruction) -> dict[str, str]:
     """SVG plots by name."""
     used = [_entry(r) for r in reconstruction.reports]
     used = [e for e in used if e["status"] == "used" and np.isfinite(e["yaw"])]
@@ -209,7 +208,7 @@ def report_plots(reconstruction: Any) -> dict[str, str]:
         if values is not None and np.size(values):
             drawn["singular"] = plots.singular_plot(values)
     history = reconstruction.history
-    for stage in dict.fromkeys(str(step.get("stage")) for step in history):
+    for stage in dict.fromkeys(step.stage for step in history):
         if plots.stage_residuals(history, stage):
             drawn[f"convergence_{stage}"] = plots.convergence_plot(history, stage)
     return drawn
@@ -217,22 +216,10 @@ def report_plots(reconstruction: Any) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Versions that a rerun needs."""
-    try:
-        own = importlib.metadata.version("bsface")
-    except importlib.metadata.PackageNotFoundError:
-        # Inside Blender's extension the core is not an installed package.
-        own = "extension"
-    return {
-        "bsface": own,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "opencv": cv2.__version__,
-        "system": f"{platform.system()} {platform.machine()}",
-    }
+    return {"bsface": VERSION, **library_versions()}
 
 
-def _title(reconstruction: Any, path: Path) -> str:
+def _title(reconstruction: Reconstruction, path: Path) -> str:
     for photo in reconstruction.photos:
         if getattr(photo, "path", None) is not None:
             folder = Path(photo.path).parent.name
@@ -241,8 +228,8 @@ def _title(reconstruction: Any, path: Path) -> str:
     return path.stem
 
 
-def _entry(report: Any) -> dict[str, Any]:
-    return asdict(report) if is_dataclass(report) else dict(report)  # type: ignore
+def _entry(report: PhotoReport) -> dict[str, Any]:
+    return asdict(report)
 
 
 def _median(values: list[float]) -> float | None:
