@@ -18,17 +18,20 @@ from .camera.linear_pose import linear_pose
 from .clock import Clock
 from .errors import ReconstructionError, out_of_memory
 from .landmarks.landmarks import Landmarks
+from .landmarks.observations import observe_landmarks
 from .photo_reports import photo_reports
 from .photometry import harmonics
 from .photometry.lighting import PhotometricEvidence
 from .prepare import PhotoCollection, collect_photos
+from .problem import Constraint as ProblemConstraint
+from .problem import FaceEstimate, Problem
 from .progress import Progress
 from .result import Reconstruction
 from .settings import Settings
 from .solve.alignment import head_frame
 from .solve.constraint import Constraint, edited_template, hold
 from .solve.expression import select_neutral
-from .solve.joint.refine import JointOptions, Level, refine
+from .solve.joint.method import joint
 from .solve.known_face import personalise_landmarks
 from .solve.motion import Bundle, LandmarkObservations, MotionOptions, estimate_motion
 from .solve.paper.on_photos import run_imls
@@ -41,11 +44,6 @@ Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 FEWEST_FOR_SHADING = 3
-# What the normal matrix cannot know: light and skin are not quite as modelled.
-# Added in quadrature it brings the stated deviation near the truth on the sets with
-# ground truth (reliability table of the accuracy page); more where expressions differ.
-MODEL_ERROR_MM = 0.45
-MIXED_MODEL_ERROR_MM = 0.8
 
 
 def reconstruct(
@@ -218,24 +216,6 @@ def motion_options(settings: Settings) -> MotionOptions:
     )
 
 
-def joint_options(settings: Settings) -> JointOptions:
-    """Options of the joint stage: three levels, from coarse to fine."""
-    fine, steps = settings.finest_blur_mm, settings.iterations
-    levels = (
-        Level(3.75 * fine, 3 * steps, 40),
-        Level(1.9 * fine, 2 * steps, 50),
-        Level(fine, steps, 75),
-    )
-    return JointOptions(
-        levels=levels,
-        noise=settings.intensity_noise,
-        independence=settings.independence,
-        degree=settings.light_degree,
-        shadows=settings.shadows,
-        distance_mm=settings.distance_mm,
-    )
-
-
 def _holding(bundle: Bundle, template, settings, held: Constraint | None) -> Bundle:
     """The bundle with held control points near where the template has them."""
     if held is None or not held.points.any():
@@ -255,54 +235,49 @@ def _holding(bundle: Bundle, template, settings, held: Constraint | None) -> Bun
 def _joint(
     collection, template, prior, seen, bundle: Bundle, settings, progress, held=None
 ):
-    options = joint_options(settings)
-    steps = [level.iterations for level in options.levels]
-    total = sum(steps)
-    progress.clock.tell("refine", 0, total, "measuring light and shape together")
     bundle, weights = select_neutral(bundle, template, seen)
     bundle = _holding(bundle, template, settings, held)
-    kept = None if held is None else held.weight
-    state = None
-    for state in refine(
+    problem = Problem(
+        collection,  # type: ignore[arg-type]
         template,
         prior,
-        bundle,
-        collection.photos,
-        seen,
-        options,
+        observe_landmarks(collection.photos, collection.landmarks, template),
+        settings,
+        None if held is None else ProblemConstraint(held.points, held.softness_mm),
+    )
+    estimate = FaceEstimate(
+        bundle.surface,
+        bundle.cameras,
+        bundle.structure,
+        bundle.expressions,
+        bundle.modes,
+        bundle.smooth,
         weights,
-        progress.clock.check_cancelled,
-        kept,
-    ):
+    )
+    progress.clock.tell("refine", 0, 1, "measuring light and shape together")
+    for step in joint(problem, estimate, progress.clock.check_cancelled):
         progress.history.append(
-            {"stage": "refine", "residual": state.residual, "step_mm": state.step_mm}
+            {"stage": "refine", "residual": step.residual, "step_mm": step.step_mm}
         )
-        message = f"largest step {state.step_mm:.2f} mm"
-        done = sum(steps[: state.level]) + state.turn
-        progress.clock.tell("refine", done, total, message)
-    assert state is not None
+        message = f"largest step {step.step_mm:.2f} mm"
+        progress.clock.tell("refine", step.done, step.total, message)
+        estimate = step.estimate
     # Where the landmarks sit on this face, seen from where the cameras are now.
     known = personalise_landmarks(
-        state.surface,
+        estimate.surface,
         template,
-        state.cameras,
+        estimate.cameras,
         seen,
         motion_options(settings),
         bundle.expressions,
     )
-    deviation = None
-    if state.deviation is not None:
-        mixed = bool(bundle.expressions.any())
-        floor = MIXED_MODEL_ERROR_MM if mixed else MODEL_ERROR_MM
-        deviation = np.hypot(state.deviation, floor)
-        deviation = deviation.reshape(template.surface.shape)
     shown = replace(
         bundle,
-        surface=state.surface,
-        cameras=state.cameras,
+        surface=estimate.surface,
+        cameras=estimate.cameras,
         structure=known.marks,
     )
-    return shown, state.evidence(), deviation
+    return shown, estimate.photometric, estimate.deviation
 
 
 def _classic(collection, template, seen, settings, bundle: Bundle, progress):
