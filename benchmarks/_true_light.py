@@ -7,14 +7,12 @@ true ones: the light that explains them best, and the albedo that goes with it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
-from unittest import mock
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-from _truth import Truth, hold_photos
-from bsface.camera.camera import PARAMETERS, Camera
+from _truth import HELD, Truth
+from bsface.camera.camera import Camera
 from bsface.images.photo import Photo
 from bsface.photometry.lighting import (
     estimate_lighting,
@@ -24,23 +22,29 @@ from bsface.photometry.lighting import (
 )
 from bsface.photometry.sampling import smooth_photo, view_weights
 from bsface.photometry.transfer import radiance_transfer
-from bsface.solve.joint import refine as joint_stage
-from bsface.solve.joint.system import read_photos
+from bsface.solve.joint.linearise import PictureReader, Readings, Shading
+from bsface.solve.joint.options import JointOptions, Level
+from bsface.solve.joint.samples import Samples
+from bsface.solve.joint.state import State
+from bsface.solve.joint.system import Term
+from bsface.solve.joint.terms import LightDamping
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 #: Alternations of light and albedo on the true face, and in each step.
 ROUNDS, ALTERNATIONS = 20, 6
+#: Precision of an albedo that is known.
+KNOWN = 1e12
 
 
 @dataclass(frozen=True)
-class Shading:
+class TrueShading:
     """The model's light and albedo on the true face.
 
     Attributes
     ----------
-    lights : (n, k) array
+    lights : (n, q) array
     albedo : (p,) array
     """
 
@@ -48,104 +52,94 @@ class Shading:
     albedo: Array
 
 
-def shading_on(
-    truth: Truth,
-    cameras: Sequence[Camera],
-    photos: Sequence[Photo],
-    uv: Array,
-    blur_mm: float,
-    degree: int,
-    options: joint_stage.JointOptions,
-) -> Shading:
-    """Light and albedo under the true geometry, as the joint stage estimates them.
-
-    Parameters
-    ----------
-    truth : Truth
-    cameras, photos : sequences of n
-        The cameras in the template's frame.
-    uv : (p, 2) array
-        Sample points of a level.
-    blur_mm, degree : float, int
-        Of the level.
-    options : JointOptions
-    """
-    points, normals = truth.surface.evaluate(*uv.T), truth.surface.normals(*uv.T)
-    view = view_weights(truth.surface, cameras, uv, options.grazing)
-    fields = [
-        smooth_photo(photo, camera, blur_mm)
-        for photo, camera in zip(photos, cameras, strict=True)
-    ]
-    X = np.broadcast_to(points, (len(photos), *points.shape))
-    values = read_photos(fields, cameras, X, normals, view)[0]
-    Y = radiance_transfer(truth.surface, uv, degree, options.shadows).basis(normals)
-    lights, albedo, _, _ = estimate_lighting(
-        values, view, Y, np.zeros((len(photos), Y.shape[1])), np.ones(len(uv)),
-        options.noise, rounds=ROUNDS, ridge=options.light_ridge,
-    )  # fmt: skip
-    return Shading(lights, albedo)
-
-
-@contextmanager
-def shading_held(
-    truth: Truth,
-    cameras: Sequence[Camera],
-    photos: Sequence[Photo],
-    options: joint_stage.JointOptions,
-    lights: bool,
-    albedo: bool,
-) -> Iterator[None]:
-    """The joint stage with true lights, true albedo or both.
+@dataclass(frozen=True, eq=False)
+class HeldShading:
+    """Estimates light and albedo for the joint step, with one or both held.
 
     A photo's intensities are relative to its median over the points that it sees, which
     the estimated geometry changes a little: held lights keep a factor for each photo.
+
+    Attributes
+    ----------
+    truth : Truth
+    cameras, photos : sequences of n
+        The true cameras, in the template's frame.
+    options : JointOptions
+    lights, albedo : bool
+        What is held.
+    reader : callable
+        Smooths a photo.
     """
-    take = joint_stage.sample_surface
-    equations = joint_stage.normal_equations
-    priors = joint_stage._add_photo_priors
-    known: list[Shading] = []
-    blur = {level.grid: level.blur_mm for level in options.levels}
 
-    def note(template, reference, surface, grid, own, degree, shadows):
-        at = take(template, reference, surface, grid, own, degree, shadows)
-        found = shading_on(truth, cameras, photos, at.uv, blur[grid], degree, options)
-        known[:] = [found]
-        return at
+    truth: Truth
+    cameras: Sequence[Camera]
+    photos: Sequence[Photo]
+    options: JointOptions
+    lights: bool
+    albedo: bool
+    reader: PictureReader = smooth_photo
+    known: dict[Level, TrueShading] = field(default_factory=dict)
 
-    def estimate(values, view, Y, start, rho, noise, *, ridge):
-        true = known[0]
-        first = bool((rho == 1).all())
-        found = true.lights if lights or not start.any() else start
-        rho = true.albedo if albedo or first else rho
-        Y = np.broadcast_to(Y, (len(values), *Y.shape[-2:]))
+    @property
+    def terms(self) -> list[Term]:
+        """What has to be added to the joint system."""
+        return [LightDamping(HELD)] if self.lights else []
+
+    def shading_on(self, uv: Array, level: Level) -> TrueShading:
+        """Light and albedo under the true geometry, as the joint step estimates them.
+
+        Parameters
+        ----------
+        uv : (p, 2) array
+            Sample points of the level.
+        level : Level
+        """
+        face, options = self.truth.surface, self.options
+        points, normals = face.evaluate(*uv.T), face.normals(*uv.T)
+        view = view_weights(face, self.cameras, uv, options.grazing)
+        values = np.zeros_like(view)
+        for i, (photo, camera) in enumerate(
+            zip(self.photos, self.cameras, strict=True)
+        ):
+            picture = self.reader(photo, camera, level.blur_mm)
+            value, _, inside = picture.read(camera.project(points))
+            view[i] *= inside
+            seen = view[i] > 0
+            scale = np.median(value[seen, 0]) if seen.any() else 1.0
+            values[i] = value[:, 0] / max(float(scale), 1e-3)
+        transfer = radiance_transfer(face, uv, level.degree, options.shadows)
+        Y = transfer.basis(normals)
+        lights, albedo, _, _ = estimate_lighting(
+            values, view, Y, np.zeros((len(view), Y.shape[1])), np.ones(len(uv)),
+            options.noise, rounds=ROUNDS, ridge=options.light_ridge,
+        )  # fmt: skip
+        return TrueShading(lights, albedo)
+
+    def __call__(self, seen: Readings, samples: Samples, state: State, /) -> Shading:
+        """See `ShadingSolver`."""
+        level, options = samples.level, self.options
+        if level not in self.known:
+            self.known[level] = self.shading_on(samples.uv, level)
+        true, values = self.known[level], seen.values
+        view = seen.view * samples.area
+        Y = np.broadcast_to(seen.harmonics, (len(values), *seen.harmonics.shape[-2:]))
+        first = not state.lights.any()
+        found = true.lights if self.lights or first else state.lights
+        albedo = state.albedo
+        if self.albedo or bool((albedo == 1).all()):
+            albedo = true.albedo
         s = np.einsum("ik,ipk->ip", found, Y)
         for _ in range(ALTERNATIONS):
-            W = robust_weights(view, values - rho * s, noise)
-            if lights:
-                model = rho * s
+            W = robust_weights(view, values - albedo * s, options.noise)
+            if self.lights:
+                model = albedo * s
                 top, down = (W * model * values).sum(1), (W * model**2).sum(1)
                 found = found * (top / np.maximum(down, 1e-9))[:, None]
             else:
-                found = solve_lights(values, W, Y, rho, ridge)
+                found = solve_lights(values, W, Y, albedo, options.light_ridge)
             s = np.einsum("ik,ipk->ip", found, Y)
-            if not albedo:
-                rho = solve_albedo(values, W, s)
-        r = values - rho * s
-        return found, rho, robust_weights(view, r, noise), r
-
-    def unprojected(T, c, h, s, W, r):
-        # an albedo that is known takes nothing up
-        return equations(T, c, h, 0 * s if albedo else s, W, r)
-
-    def hold(blocks, at, options) -> None:
-        priors(blocks, at, options)
-        if lights:
-            hold_photos(blocks.H, len(at), slice(PARAMETERS, None))
-
-    with (
-        mock.patch.object(joint_stage, "take_samples", note),
-        mock.patch.object(joint_stage, "estimate_lighting", estimate),
-        mock.patch.object(joint_stage, "normal_equations", unprojected),
-        mock.patch.object(joint_stage, "_add_photo_priors", hold),
-    ):
-        yield
+            if not self.albedo:
+                albedo = solve_albedo(values, W, s)
+        r = values - albedo * s
+        weights = robust_weights(view, r, options.noise)
+        return Shading(found, albedo, weights, r, KNOWN if self.albedo else 0.0)

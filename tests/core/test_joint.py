@@ -5,19 +5,25 @@ residual can be differentiated numerically. The surface is a plane, where the li
 model of a displacement along the normals is exact, or the template, where it is not.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 import reference
 from bsface.camera.camera import PARAMETERS, Camera
+from bsface.landmarks.observations import LandmarkObservations
 from bsface.photometry import harmonics
-from bsface.solve.joint import refine as joint
-from bsface.solve.joint import samples
-from bsface.solve.joint import system as joint_system
-from bsface.solve.joint.refine import JointOptions, Level, refine
-from bsface.solve.joint.samples import sample_grid
-from bsface.solve.motion import Bundle, LandmarkObservations
+from bsface.problem import Constraint, FaceEstimate, PhotoCollection, Problem
+from bsface.progress import never_cancelled
+from bsface.settings import Settings
+from bsface.solve.joint.linearise import Linearisation
+from bsface.solve.joint.method import JointParts, joint
+from bsface.solve.joint.options import JointOptions, Level
+from bsface.solve.joint.refine import Refinement, refine
+from bsface.solve.joint.samples import Samples, sample_grid
+from bsface.solve.joint.state import DisplacementModel, State
+from bsface.solve.joint.system import BorderedSystem, assemble
+from bsface.solve.joint.terms import LandmarkTerm, default_terms
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
@@ -85,135 +91,109 @@ def directions(surface):
     return surface.normals(*np.meshgrid(*g, indexing="ij")).reshape(-1, 3)
 
 
-def start(template, prior, surface, views, expression=0.0):
-    """A motion result that stands at ``surface``, and landmarks that agree with it."""
+def given(pictures):
+    """A reader of photos whose place in the list is their picture."""
+    return lambda photo, camera, blur_mm: pictures[photo]
+
+
+def start(template, prior, surface, views, expression=0.0, constraint=None):
+    """A problem, an estimate that stands at ``surface`` and agrees with landmarks."""
     index = np.flatnonzero(template.landmark_reliable)[::20]
-    structure = surface.evaluate(*template.landmark_uv[index].T)
+    uv = template.landmark_uv[index]
+    structure = surface.evaluate(*uv.T)
     pixels = np.stack([c.project(structure) for c in views])
-    known = {
-        "surface": surface,
-        "cameras": tuple(views),
-        "structure": structure,
-        "modes": np.zeros(len(prior.modes)),
-        "smooth": np.zeros((len(surface.vector), 3)),
-        "expressions": expression * np.arange(len(views))[:, None],
-        "expression_scale": 0.5,
-        "residual": np.zeros(pixels.shape[:2]),
-        "weight": np.ones(pixels.shape[:2]),
-        "history": (),
-    }
-    bundle = Bundle(**{f.name: known.get(f.name) for f in fields(Bundle)})
-    return bundle, LandmarkObservations(pixels, np.ones(pixels.shape[:2]), index)
-
-
-@dataclass
-class Seen:
-    """What `refine` handed to its parts in its first iteration, and its state."""
-
-    T: list
-    c: np.ndarray
-    h: np.ndarray
-    s: np.ndarray
-    weights: np.ndarray
-    r: np.ndarray
-    values: np.ndarray
-    lights: np.ndarray
-    albedo: np.ndarray
-    radiance_transfer: object
-    own: np.ndarray  # displacement of the control points in each photo
-    state: object
-    options: JointOptions
-
-
-def first_step(monkeypatch, template, prior, surface, views, pictures, expression=0.0):
-    """Run one iteration on analytic pictures and look inside."""
-    options = replace(
-        JointOptions(),
-        levels=(Level(3.0, 1, 14),),
-        landmark_weight=0.0,
-        max_step_mm=1e9,
+    n = len(views)
+    landmarks = LandmarkObservations(
+        pixels, np.ones(pixels.shape[:2]), index, uv, np.zeros((n, 2))
     )
-    bundle, marks = start(template, prior, surface, views, expression)
-    inside: dict = {}
-    lighting, equations = joint.estimate_lighting, joint.normal_equations
-
-    def spy_lighting(values, *args, **kwargs):
-        found = lighting(values, *args, **kwargs)
-        inside.update(values=values, lights=found[0], albedo=found[1])
-        return found
-
-    def spy_equations(*args):
-        inside["rows"] = args
-        return equations(*args)
-
-    monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
-    monkeypatch.setattr(joint, "estimate_lighting", spy_lighting)
-    monkeypatch.setattr(joint, "normal_equations", spy_equations)
-    radiance_transfer = samples.radiance_transfer
-    monkeypatch.setattr(
-        samples, "sky", lambda *a: inside.setdefault("sky", radiance_transfer(*a))
+    photos = PhotoCollection(tuple(range(n)), ())
+    problem = Problem(photos, template, prior, landmarks, Settings(), constraint)
+    estimate = FaceEstimate(
+        surface=surface,
+        cameras=tuple(views),
+        landmarks_xyz=structure,
+        expressions=expression * np.arange(n)[:, None],
+        modes=np.zeros(len(prior.modes)),
+        smooth=np.zeros((len(surface.vector), 3)),
+        photo_weights=np.ones(n),
     )
-    (state,) = refine(template, prior, bundle, range(len(views)), marks, options)
-    own = np.tensordot(bundle.expressions, template.expression_modes, 1)
-    found = (inside[k] for k in ("values", "lights", "albedo", "sky"))
-    return Seen(*inside["rows"], *found, own, state, options)
+    return problem, estimate
+
+
+def iterations(problem, estimate, pictures, options):
+    """The joint method on analytic pictures, with all that its steps were made of."""
+    model = DisplacementModel.about(problem, estimate)
+    terms = default_terms(problem, estimate, model, options)
+    work = Refinement(
+        problem.photos, estimate.photo_weights, options, terms, given(pictures)
+    )
+    return refine(State.start(model, estimate.cameras), work, never_cancelled)
+
+
+def first_step(template, prior, surface, views, pictures, expression=0.0):
+    """One iteration on analytic pictures, without landmarks."""
+    options = JointOptions((Level(3.0, 1, 14, 6),), landmark_weight=0, max_step_mm=1e9)
+    problem, estimate = start(template, prior, surface, views, expression)
+    (one,) = iterations(problem, estimate, pictures, options)
+    return one
 
 
 class Residual:
     """``r_ij`` as a function of everything that it depends on, from the definition."""
 
-    def __init__(self, seen, surface, views, pictures):
-        self.seen, self.surface = seen, surface
-        self.views, self.pictures = views, pictures
-        self.uv = seen.state.uv
-        raw = self.photos(surface, views)
-        self.scale = np.median(raw / seen.values, 1, keepdims=True)
+    def __init__(self, one, surface, pictures):
+        self.one, self.surface, self.pictures = one, surface, pictures
+        self.views = one.before.cameras
+        self.samples = one.rows.samples
+        raw = self.photos(surface, self.views)
+        self.scale = np.median(raw / one.readings.values, 1, keepdims=True)
 
     def faces(self, surface):
-        return [BSplineSurface(surface.control_points + e) for e in self.seen.own]
+        offsets = self.one.before.model.expression_offsets
+        return [BSplineSurface(surface.control_points + e) for e in offsets]
 
     def photos(self, surface, views):
         parts = zip(self.pictures, views, self.faces(surface), strict=True)
-        return np.stack(
-            [p.value(c.project(f.evaluate(*self.uv.T))) for p, c, f in parts]
-        )
+        uv = self.samples.uv
+        return np.stack([p.value(c.project(f.evaluate(*uv.T))) for p, c, f in parts])
 
     def __call__(self, surface=None, views=None, lights=None, albedo=None):
         surface = self.surface if surface is None else surface
-        lights = self.seen.lights if lights is None else lights
-        albedo = self.seen.albedo if albedo is None else albedo
+        lights = self.one.before.lights if lights is None else lights
+        albedo = self.one.before.albedo if albedo is None else albedo
         views = self.views if views is None else views
+        uv, transfer = self.samples.uv, self.samples.transfer
         shading = np.stack(
             [
-                self.seen.radiance_transfer.basis(f.normals(*self.uv.T)) @ light
+                transfer.basis(f.normals(*uv.T)) @ light
                 for f, light in zip(self.faces(surface), lights, strict=True)
             ]
         )
         return self.photos(surface, views) / self.scale - albedo * shading
 
 
-@pytest.fixture(params=["plane", "template", "expressions"])
-def case(request, monkeypatch, template, prior):
+@pytest.fixture(scope="module", params=["plane", "template", "expressions"])
+def case(request, template, prior):
     """A plane, the template, or the template with another expression in each photo."""
     surface = plane() if request.param == "plane" else template.surface
     own = 1.5 if request.param == "expressions" else 0.0
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
-    seen = first_step(monkeypatch, template, prior, surface, views, pictures, own)
-    return request.param, seen, Residual(seen, surface, views, pictures), surface
+    one = first_step(template, prior, surface, views, pictures, own)
+    return request.param, one, Residual(one, surface, pictures), surface
 
 
 # --- the rows ------------------------------------------------------------------------
 
 
 def test_residual_is_the_one_of_the_definition(case):
-    _, seen, residual, _ = case
-    np.testing.assert_allclose(residual(), seen.r, atol=1e-9)
+    _, one, residual, _ = case
+    np.testing.assert_allclose(residual(), one.rows.residual, atol=1e-9)
 
 
-def row_errors(seen, residual, surface, every):
+def row_errors(one, residual, surface, every):
     """Relative error of the rows of some control points, against the definition."""
-    ways, errors = directions(surface), []
-    used = np.flatnonzero(np.abs(seen.T[0].toarray()).sum(0) > 0.5)
+    ways, errors, rows = directions(surface), [], one.rows
+    used = np.flatnonzero(np.abs(rows.samples.T[0].toarray()).sum(0) > 0.5)
     for k in used[::every]:
 
         def moved(e, k=k):
@@ -222,8 +202,8 @@ def row_errors(seen, residual, surface, every):
             return residual(BSplineSurface(b.reshape(*surface.shape, 3)))
 
         expected = reference.numerical_derivative(moved, 1, 1e-4)[..., 0]
-        T = [t[:, [k]].toarray()[:, 0] for t in seen.T]
-        found = sum(seen.c[..., a] * T[a] for a in range(3))
+        T = [t[:, [k]].toarray()[:, 0] for t in rows.samples.T]
+        found = sum(rows.by_displacement[..., a] * T[a] for a in range(3))
         errors.append(np.linalg.norm(found - expected) / np.linalg.norm(expected))
     return errors
 
@@ -233,12 +213,12 @@ def test_rows_of_the_displacement(case):
 
     On the template the directions of neighbours differ, so the model is coarse there.
     """
-    kind, seen, residual, surface = case
-    errors = row_errors(seen, residual, surface, 5)
+    kind, one, residual, surface = case
+    errors = row_errors(one, residual, surface, 5)
     assert np.median(errors) < (1e-4 if kind == "plane" else 0.3)
 
 
-def test_rows_of_a_curved_surface_get_better_with_the_net(monkeypatch, template):
+def test_rows_of_a_curved_surface_get_better_with_the_net(template):
     medians = []
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
     for shape in (SHAPE, (14, 16)):
@@ -249,16 +229,15 @@ def test_rows_of_a_curved_surface_get_better_with_the_net(monkeypatch, template)
             expression_modes=finer.expression_modes[:1],
         ).resampled(shape)
         prior = shape_prior(finer, 1.0, 0.5, 1.0, 0.2)
-        with monkeypatch.context() as patch:
-            seen = first_step(patch, finer, prior, finer.surface, views, pictures)
-        residual = Residual(seen, finer.surface, views, pictures)
-        medians.append(np.median(row_errors(seen, residual, finer.surface, 7)))
+        one = first_step(finer, prior, finer.surface, views, pictures)
+        residual = Residual(one, finer.surface, pictures)
+        medians.append(np.median(row_errors(one, residual, finer.surface, 7)))
     assert medians[1] < 0.5 * medians[0]
     assert medians[1] < 0.1
 
 
 def test_rows_of_the_cameras(case):
-    _, seen, residual, _ = case
+    _, one, residual, _ = case
     for i in range(PHOTOS):
 
         def moved(e, i=i):
@@ -268,78 +247,114 @@ def test_rows_of_the_cameras(case):
 
         expected = reference.numerical_derivative(moved, PARAMETERS, 1e-5)
         found = np.zeros_like(expected)
-        found[i] = seen.h[i, :, :PARAMETERS]
+        found[i] = one.rows.by_photo(i)[:, :PARAMETERS]
         np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
 
 def test_rows_of_the_lights_and_of_the_albedo(case):
-    _, seen, residual, _ = case
-    order = seen.lights.shape[1]
+    _, one, residual, _ = case
+    known, albedo = one.before.lights, one.before.albedo
     for i in range(PHOTOS):
 
         def moved(e, i=i):
-            lights = seen.lights.copy()
+            lights = known.copy()
             lights[i] += e
             return residual(lights=lights)
 
-        expected = reference.numerical_derivative(moved, order, 1e-3)
-        np.testing.assert_allclose(seen.h[i, :, PARAMETERS:], expected[i], atol=1e-8)
+        expected = reference.numerical_derivative(moved, known.shape[1], 1e-3)
+        found = one.rows.by_photo(i)[:, PARAMETERS:]
+        np.testing.assert_allclose(found, expected[i], atol=1e-8)
         assert np.abs(np.delete(expected, i, 0)).max() == 0
-    slope = residual(albedo=seen.albedo + 1e-3) - residual(albedo=seen.albedo - 1e-3)
-    np.testing.assert_allclose(seen.s, -slope / 2e-3, atol=1e-9)
+    slope = residual(albedo=albedo + 1e-3) - residual(albedo=albedo - 1e-3)
+    np.testing.assert_allclose(one.rows.shading, -slope / 2e-3, atol=1e-9)
 
 
 # --- the elimination and the step ----------------------------------------------------
 
 
-def random_rows(seed=0, n=3, p=40, m=4, hidden=()):
-    rng = np.random.default_rng(seed)
+def random_rows(template, prior, hidden=(), n=3, p=40, q=4):
+    """A linearisation of noise, and a state that it may belong to."""
+    rng = np.random.default_rng(0)
     u, v = rng.random((2, p))
-    T = [basis_matrix((5, 4), u, v, *k) for k in ((0, 0), (1, 0), (0, 1))]
-    c, h = rng.normal(size=(n, p, 3)), rng.normal(size=(n, p, m))
-    s, W, r = rng.normal(size=(3, n, p))
-    W = np.abs(W)
+    T = [basis_matrix(SHAPE, u, v, *k) for k in ((0, 0), (1, 0), (0, 1))]
+    W = np.abs(rng.normal(size=(n, p)))
     W[:, list(hidden)] = 0
-    return T, c, h, s, W, r
+    rows = Linearisation(
+        samples=Samples(None, np.stack([u, v], 1), T, np.ones(p), [], None),
+        residual=rng.normal(size=(n, p)),
+        precision=W,
+        by_displacement=rng.normal(size=(n, p, 3)),
+        by_camera=rng.normal(size=(n, p, PARAMETERS)),
+        by_light=rng.normal(size=(n, p, q)),
+        shading=rng.normal(size=(n, p)),
+    )
+    problem, estimate = start(template, prior, plane(), cameras(n))
+    model = DisplacementModel.about(problem, estimate)
+    state = State.start(model, estimate.cameras)
+    return rows, replace(state, lights=np.zeros((n, q)))
 
 
-def assembled(blocks):
-    S, gd, B, H, gh = blocks
-    dense = sum(S[1:], S[0]).toarray()
-    return np.block([[dense, B], [B.T, H]]), np.concatenate([gd, gh])
+def dense_rows(rows):
+    """Normal matrix and right side with the albedo among the unknowns."""
+    n = len(rows.residual)
+    T = [t.toarray() for t in rows.samples.T]
+    h = np.stack([rows.by_photo(i) for i in range(n)])
+    return reference.dense_gauss_newton(
+        T, rows.by_displacement, h, rows.shading, rows.precision, rows.residual
+    )
 
 
-def test_albedo_is_eliminated_exactly():
+def dense_system(system):
+    """Matrix and right side of displacement and photos, without the shape's prior."""
+    S = sum(system.precision[1:], system.precision[0]).toarray()
+    B, H = system.coupling, system.photo_precision
+    right = np.concatenate([system.right, system.photo_right])
+    return np.block([[S, B], [B.T, H]]), right
+
+
+def test_albedo_is_eliminated_exactly(template, prior):
     """The blocks are the Schur complement of the system that keeps the albedo."""
-    T, c, h, s, W, r = random_rows()
-    A, g = assembled(joint_system.normal_equations(T, c, h, s, W, r))
-    full = reference.dense_gauss_newton([t.toarray() for t in T], c, h, s, W, r)
-    expected, right = reference.schur_complement(*full, len(A))
+    rows, state = random_rows(template, prior)
+    A, g = dense_system(assemble(rows, state, ()))
+    expected, right = reference.schur_complement(*dense_rows(rows), len(A))
     np.testing.assert_allclose(A, expected, atol=1e-9 * np.abs(expected).max())
     np.testing.assert_allclose(g, right, atol=1e-9 * np.abs(right).max())
 
 
-def test_points_that_no_photo_sees_add_nothing():
-    T, c, h, s, W, r = random_rows(hidden=(0, 7, 8))
-    keep = W.any(0)
-    one = assembled(joint_system.normal_equations(T, c, h, s, W, r))
-    fewer = [t[np.flatnonzero(keep)] for t in T]
-    two = assembled(
-        joint_system.normal_equations(
-            fewer, c[:, keep], h[:, keep], s[:, keep], W[:, keep], r[:, keep]
-        )
+def test_albedo_that_is_known_takes_nothing_up(template, prior):
+    rows, state = random_rows(template, prior)
+    A, g = dense_system(assemble(rows._replace(albedo_precision=1e15), state, ()))
+    expected, right = dense_rows(rows)
+    expected, right = expected[: len(A), : len(A)], right[: len(A)]
+    np.testing.assert_allclose(A, expected, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(g, right, atol=1e-9 * np.abs(right).max())
+
+
+def test_points_that_no_photo_sees_add_nothing(template, prior):
+    rows, state = random_rows(template, prior, hidden=(0, 7, 8))
+    keep = np.flatnonzero(rows.precision.any(0))
+    T = [t[keep] for t in rows.samples.T]
+    fewer = rows._replace(
+        samples=rows.samples._replace(T=T),
+        residual=rows.residual[:, keep],
+        precision=rows.precision[:, keep],
+        by_displacement=rows.by_displacement[:, keep],
+        by_camera=rows.by_camera[:, keep],
+        by_light=rows.by_light[:, keep],
+        shading=rows.shading[:, keep],
     )
+    one = dense_system(assemble(rows, state, ()))
+    two = dense_system(assemble(fewer, state, ()))
     for a, b in zip(one, two, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-9)
 
 
-def dense_system(seen, prior, ways, views):
+def full_system(one, prior, options):
     """All unknowns at once: displacement, modes, photos, albedo; right side too."""
-    n, p, m = seen.h.shape
-    size, count = len(ways), len(prior.modes)
-    D = np.einsum("kbx,bx->bk", prior.modes, ways)
-    T = [t.toarray() for t in seen.T]
-    A, g = reference.dense_gauss_newton(T, seen.c, seen.h, seen.s, seen.weights, seen.r)
+    n, m = len(one.before.cameras), PARAMETERS + one.before.lights.shape[1]
+    D = one.before.model.D
+    size, count = D.shape
+    A, g = dense_rows(one.rows)
     # the modes move the same displacement: columns [I D]
     change = np.zeros((len(A), len(A) + count))
     change[:size, :size], change[:size, size : size + count] = np.eye(size), D
@@ -350,20 +365,23 @@ def dense_system(seen, prior, ways, views):
     A[:size, :size] += prior.smooth.toarray()
     A[size : size + count, size : size + count] += np.eye(count)
     border = slice(size + count, size + count + n * m)
-    held = joint_system.Blocks([], g, g, np.zeros((n * m, n * m)), np.zeros(n * m))
-    joint._add_photo_priors(held, views, seen.options)
-    A[border, border] += held.H
-    g[border] += held.gh
-    return A, g, border, D
+    known = np.full((n, m), options.light_damping)
+    known[:, :6] = options.camera_damping
+    known[:, 6] = 1 / options.distance_spread**2
+    A[border, border] += np.diag(known.ravel())
+    for i, camera in enumerate(one.before.cameras):
+        away = np.log(camera.kappa * options.distance_mm)
+        g[size + count + i * m + 6] -= away / options.distance_spread**2
+    return A, g, border
 
 
 def test_step_is_that_of_the_dense_system(case, prior):
     """Without any elimination, with the albedo among the unknowns: the same step."""
-    _, seen, residual, surface = case
-    n, _, m = seen.h.shape
-    ways, state = directions(surface), seen.state
-    A, g, border, D = dense_system(seen, prior, ways, residual.views)
+    _, one, residual, surface = case
+    n, ways, state = PHOTOS, directions(surface), one.state
+    A, g, border = full_system(one, prior, JointOptions(()))
     x = np.linalg.solve(A, g)
+    D = one.before.model.D
     size, count = D.shape
     total = x[:size] + D @ x[size : size + count]
     assert np.abs(total).max() > 1e-3
@@ -372,8 +390,9 @@ def test_step_is_that_of_the_dense_system(case, prior):
         state.surface.vector, surface.vector + total[:, None] * ways, **near
     )
     np.testing.assert_allclose(state.modes, x[size : size + count], **near)
-    own = x[border].reshape(n, m)
-    np.testing.assert_allclose(state.lights, seen.lights + own[:, PARAMETERS:], **near)
+    own = x[border].reshape(n, -1)
+    lights = one.before.lights + own[:, PARAMETERS:]
+    np.testing.assert_allclose(state.lights, lights, **near)
     points = np.random.default_rng(0).normal(0, 50, (5, 3))
     for camera, old, step in zip(state.cameras, residual.views, own, strict=True):
         expected = old.moved(step[:PARAMETERS])
@@ -381,34 +400,33 @@ def test_step_is_that_of_the_dense_system(case, prior):
 
 
 def test_deviation_is_the_diagonal_of_the_dense_covariance(case, prior):
-    _, seen, residual, surface = case
-    A, _, _, D = dense_system(seen, prior, directions(surface), residual.views)
+    _, one, _, _ = case
+    A, _, _ = full_system(one, prior, JointOptions(()))
+    D = one.before.model.D
     pick = np.zeros((len(D), len(A)))
     pick[:, : len(D)], pick[:, len(D) : sum(D.shape)] = np.eye(len(D)), D
     expected = np.sqrt(np.diag(pick @ np.linalg.inv(A) @ pick.T))
-    np.testing.assert_allclose(seen.state.deviation, expected, rtol=1e-5)
+    np.testing.assert_allclose(one.system.deviation(), expected, rtol=1e-5)
 
 
-def test_landmark_rows(template):
+def test_landmark_term(template, prior):
     """Against numerical derivatives of the reprojection with frozen weights."""
     surface, views = plane(), cameras()
-    index = np.flatnonzero(template.landmark_reliable)[::40]
-    uv = template.landmark_uv[index]
-    T, ways = basis_matrix(SHAPE, *uv.T), directions(plane())
+    problem, estimate = start(template, prior, surface, views)
+    model = DisplacementModel.about(problem, estimate)
+    marks = problem.landmarks
     rng = np.random.default_rng(0)
-    on = surface.evaluate(*uv.T)
-    offset = rng.normal(0, 2, (PHOTOS, len(index), 3))
+    T, ways = basis_matrix(SHAPE, *marks.uv.T), directions(surface)
+    on = surface.evaluate(*marks.uv.T)
+    offset = rng.normal(0, 2, (PHOTOS, len(on), 3))
     pixels = np.stack([c.project(on + o) for c, o in zip(views, offset, strict=True)])
     pixels += rng.normal(0, 3, pixels.shape)
-    seen = LandmarkObservations(pixels, rng.random(pixels.shape[:2]), index)
-    m, size, sigma, weight = PARAMETERS + 4, len(ways), 1.5, 0.3
-    S: list = []
-    gd, B = np.zeros(size), np.zeros((size, 3 * m))
-    H, gh = np.zeros((3 * m, 3 * m)), np.zeros(3 * m)
-    blocks = joint_system.Blocks(S, gd, B, H, gh)
-    joint_system.add_landmarks(
-        blocks, seen, views, surface, offset, uv, T, ways, sigma, weight
-    )
+    seen = replace(marks, pixels=pixels, weight=rng.random(pixels.shape[:2]))
+    sigma, weight = 1.5, 0.3
+    state = State.start(model, estimate.cameras)
+    system = BorderedSystem(replace(state, lights=np.zeros((PHOTOS, 4))))
+    LandmarkTerm(seen, offset, T, sigma, weight).add_to(system)
+    m, size = PARAMETERS + 4, len(ways)
 
     def residual(i, e):
         d, step = e[:size], e[size:]
@@ -430,7 +448,7 @@ def test_landmark_rows(template):
         at = np.r_[:size, size + i * m : size + i * m + PARAMETERS]
         expected_A[np.ix_(at, at)] += J.T @ (w[:, None] * J)
         expected_g[at] -= J.T @ (w * r)
-    A, g = assembled(blocks)
+    A, g = dense_system(system)
     np.testing.assert_allclose(A, expected_A, atol=1e-5 * np.abs(expected_A).max())
     np.testing.assert_allclose(g, expected_g, atol=1e-5 * np.abs(expected_g).max())
 
@@ -532,13 +550,11 @@ def shaded_dome():
 
 
 @pytest.mark.parametrize("scene", [textured_plane, shaded_dome])
-def test_surface_comes_back(monkeypatch, template, scene):
+def test_surface_comes_back(template, scene):
     """The truth stays, and from a wrong surface the way leads back to it."""
     truth, views, pictures = scene()
-    monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
-    options = replace(
-        JointOptions(),
-        levels=(Level(3.0, 8, 16),),
+    options = JointOptions(
+        (Level(3.0, 8, 16, 6),),
         landmark_weight=0.0,
         noise=0.03,
         independence=1.0,
@@ -546,81 +562,138 @@ def test_surface_comes_back(monkeypatch, template, scene):
     )
     # a prior that allows for the bump
     prior = shape_prior(template, 0.0, 0.0, 30.0, 0.1)
-    uv, photos = sample_grid(template, 16), range(len(views))
-    still, marks = start(template, prior, truth, views)
-    *_, last = refine(template, prior, still, photos, marks, options)
-    assert relief(last.surface, truth, uv) < 0.3
+    uv = sample_grid(template, 16)
+    *_, last = iterations(*start(template, prior, truth, views), pictures, options)
+    assert relief(last.state.surface, truth, uv) < 0.3
     begin = bumped(truth, 8.0)
-    moved, marks = start(template, prior, begin, views)
-    states = list(refine(template, prior, moved, photos, marks, options))
+    found = list(iterations(*start(template, prior, begin, views), pictures, options))
     before = relief(begin, truth, uv)
     assert before > 0.4
-    assert relief(states[-1].surface, truth, uv) < 0.35 * before
-    assert states[-1].residual < 0.5 * states[0].residual
+    assert relief(found[-1].state.surface, truth, uv) < 0.35 * before
+    assert found[-1].residual < 0.5 * found[0].residual
 
 
-def test_no_step_is_larger_than_allowed(monkeypatch, template, prior):
+def test_no_step_is_larger_than_allowed(template, prior):
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
-    monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
-    options = replace(JointOptions(), levels=(Level(3.0, 3, 12),), max_step_mm=0.05)
-    begin, marks = start(template, prior, plane(), views)
+    options = JointOptions((Level(3.0, 3, 12, 6),), max_step_mm=0.05)
+    problem, begin = start(template, prior, plane(), views)
     before = begin.surface
     uv = sample_grid(template, 12)
-    for state in refine(template, prior, begin, range(PHOTOS), marks, options):
-        away = state.surface.evaluate(*uv.T) - before.evaluate(*uv.T)
+    for one in iterations(problem, begin, pictures, options):
+        after = one.state.surface
+        away = after.evaluate(*uv.T) - before.evaluate(*uv.T)
         assert np.abs(away).max() < 0.051
-        assert state.step_mm <= 0.05 + 1e-12
-        before = state.surface
+        assert one.step_mm <= 0.05 + 1e-12
+        before = after
 
 
 @pytest.mark.parametrize(
     "settled, turns", [(1e9, [1, 1, 1, 2, 3]), (0.0, [1, 2, 1, 2, 1, 2, 3])]
 )
-def test_coarse_levels_end_when_they_are_settled(
-    monkeypatch, template, prior, settled, turns
-):
-    """The last level takes all its steps, with all the harmonics, and the deviation."""
+def test_coarse_levels_end_when_they_are_settled(template, prior, settled, turns):
+    """The last level takes all its steps; each has the harmonics of its degree."""
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
-    monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
-    levels = (Level(3.0, 2, 8), Level(2.0, 2, 9), Level(1.0, 3, 10))
-    options = replace(
-        JointOptions(), levels=levels, degree=3, coarse_degree=2, settled_mm=settled
+    levels = (
+        Level(3.0, 2, 8, 2, settled),
+        Level(2.0, 2, 9, 2, settled),
+        Level(1.0, 3, 10, 3),
     )
-    begin, marks = start(template, prior, plane(), views)
-    states = list(refine(template, prior, begin, range(PHOTOS), marks, options))
-    assert [state.turn for state in states] == turns
-    assert [state.level for state in states] == sorted(state.level for state in states)
-    for state in states:
-        assert state.lights.shape[1] == (16 if state.level == 2 else 9)
-    assert [state.deviation is not None for state in states].index(True) == len(
-        turns
-    ) - 1
+    begin = start(template, prior, plane(), views)
+    found = list(iterations(*begin, pictures, JointOptions(levels)))
+    assert [one.turn for one in found] == turns
+    assert [one.level for one in found] == sorted(one.level for one in found)
+    for one in found:
+        assert one.state.lights.shape[1] == (16 if one.level == 2 else 9)
 
 
-def test_held_points_go_where_the_template_has_them(monkeypatch, template, prior):
-    """The start lies beside it and the prior thinks it right; one hard, one soft."""
+def test_schedule_of_the_settings():
+    levels = JointOptions.from_settings(Settings()).levels
+    assert [level.blur_mm for level in levels] == pytest.approx([3.0, 1.52, 0.8])
+    assert [level.iterations for level in levels] == [15, 10, 5]
+    assert [level.degree for level in levels] == [4, 4, 6]
+    assert [level.settled_mm > 0 for level in levels] == [True, True, False]
+    few = JointOptions.from_settings(Settings(light_degree=2)).levels
+    assert [level.degree for level in few] == [2, 2, 2]
+
+
+def test_method_yields_estimates_of_the_face(template, prior):
+    """Landmarks keep their offset; evidence and deviation come with the last one."""
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
-    monkeypatch.setattr(joint, "smooth_photo", lambda photo, *_: pictures[photo])
-    options = replace(JointOptions(), levels=(Level(3.0, 2, 10),), landmark_weight=0.0)
+    problem, begin = start(template, prior, plane(), views)
+    raised = replace(begin, landmarks_xyz=begin.landmarks_xyz + (0, 0, 2.0))
+    levels = (Level(3.0, 3, 8, 2, settled_mm=1e9), Level(2.0, 2, 9, 2))
+    parts = JointParts(JointOptions(levels), given(pictures))
+    found = list(joint(problem, raised, never_cancelled, parts))
+    assert [(one.stage, one.done, one.total) for one in found] == [
+        ("refine", 1, 5),
+        ("refine", 4, 5),
+        ("refine", 5, 5),
+    ]
+    for one in found:
+        estimate = one.estimate
+        on = estimate.surface.evaluate(*problem.landmarks.uv.T)
+        np.testing.assert_allclose(estimate.landmarks_xyz - on, [[0, 0, 2.0]] * len(on))
+        moved = estimate.smooth + np.einsum("k,kbx->bx", estimate.modes, prior.modes)
+        ways = directions(begin.surface)
+        total = ((estimate.surface.vector - begin.surface.vector) * ways).sum(1)
+        np.testing.assert_allclose((moved * ways).sum(1), total, atol=1e-9)
+    *early, last = [one.estimate for one in found]
+    assert all(e.photometric is None and e.deviation is None for e in early)
+    assert last.deviation.shape == SHAPE
+    evidence = last.photometric
+    assert evidence.lights.shape == (PHOTOS, 9)
+    assert evidence.weights.shape == (PHOTOS, len(evidence.uv))
+
+
+def test_cancelled_between_the_parts_of_a_step(template, prior):
+    """Each call may stop the run: photos, and six parts of a step."""
+    views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
+    problem, begin = start(template, prior, plane(), views)
+    parts = JointParts(JointOptions((Level(3.0, 2, 8, 2),)), given(pictures))
+
+    class Stopped(Exception):
+        pass
+
+    def stop_at(call):
+        calls = iter(range(call + 1))
+
+        def check_cancelled():
+            if next(calls) == call:
+                raise Stopped
+
+        return check_cancelled
+
+    for call in range(PHOTOS + 6):
+        run = joint(problem, begin, stop_at(call), parts)
+        with pytest.raises(Stopped):
+            next(run)
+
+
+def test_held_points_go_where_the_template_has_them(template, prior):
+    """The start lies beside it and the prior thinks it right."""
+    views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
+    options = JointOptions((Level(3.0, 2, 10, 6),), landmark_weight=0.0)
     truth = template.surface
     normals = directions(truth).reshape(*SHAPE, 3)
     begin = BSplineSurface(truth.control_points + 3.0 * normals)
-    bundle, marks = start(template, prior, begin, views)
-    weight = np.zeros(SHAPE)
-    weight[3, 4], weight[4, 6] = 1 / 1e-3**2, 1 / 1.0**2
-    run = refine(
-        template, prior, bundle, range(PHOTOS), marks, options, held=weight.ravel()
-    )
-    *_, last = run
-    *_, free = refine(template, prior, bundle, range(PHOTOS), marks, options)
-    away = ((last.surface.control_points - truth.control_points) * normals).sum(2)
-    without = ((free.surface.control_points - truth.control_points) * normals).sum(2)
-    assert abs(without[3, 4]) > 0.5
-    assert abs(away[3, 4]) < 0.02
+
+    def result(constraint):
+        problem = start(template, prior, begin, views, 0.0, constraint)
+        *_, last = iterations(*problem, pictures, options)
+        away = last.state.surface.control_points - truth.control_points
+        return (away * normals).sum(2), last.system.deviation().reshape(SHAPE)
+
+    one = np.zeros(SHAPE, bool)
+    one[3, 4] = True
+    away, deviation = result(None)
+    hard_away, hard = result(Constraint(one))
+    soft_away, soft = result(Constraint(one, 1.0))
+    assert abs(away[3, 4]) > 0.5
+    assert abs(hard_away[3, 4]) < 0.02
+    assert abs(soft_away[3, 4]) < abs(away[3, 4])
     # What is held is known.
-    deviation = last.deviation.reshape(SHAPE)
-    assert deviation[3, 4] < 2e-3
-    assert deviation[4, 6] < min(1.0, free.deviation.reshape(SHAPE)[4, 6])
+    assert hard[3, 4] < 2e-3
+    assert soft[3, 4] < min(1.0, deviation[3, 4])
 
 
 def test_samples_are_skin(template):

@@ -5,15 +5,30 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from ..._types import Array
 from ...photometry.transfer import Transfer, radiance_transfer
 from ...surface.bspline import BSplineSurface, basis_matrix
 from ...surface.template import Template
-from .system import contravariant
+from .options import Level
+from .state import State
 
-Array = NDArray[np.float64]
+
+class Geometry(NamedTuple):
+    """The samples on the faces of k photos, or of all of them (k = 1).
+
+    Attributes
+    ----------
+    points, normals : (k, p, 3) arrays
+    g_u, g_v : (k, p, 3) arrays
+        The surface gradient of f is ``g^u f_u + g^v f_v``.
+    """
+
+    points: Array
+    normals: Array
+    g_u: Array
+    g_v: Array
 
 
 class Samples(NamedTuple):
@@ -21,34 +36,46 @@ class Samples(NamedTuple):
 
     Attributes
     ----------
+    level : Level
     uv : (p, 2) array
     T : list of three (p, M*N) sparse arrays
         ``T, T1, T2`` there.
     area : (p,) array
         Area of the surface that each point stands for, mean 1.
-    moves : list of three (k, p, 3) arrays
+    expression_offsets : list of three (k, p, 3) arrays
         Displacement of the points and of their two slopes by the expression of each
         photo; ``k`` is 1 if no photo has one.
-    over : Sky
+    transfer : Transfer
         What the face leaves open of the sky at each point.
     """
 
+    level: Level
     uv: Array
     T: list[sparse.csr_array]
     area: Array
     expression_offsets: list[Array]
     transfer: Transfer
 
-    def geometry(
-        self, surface: BSplineSurface
-    ) -> tuple[Array, Array, list[tuple[Array, Array]]]:
-        """Points and normals (k, p, 3) and ``g^u, g^v``: of the face of each photo."""
+    def geometry(self, surface: BSplineSurface) -> Geometry:
+        """Where the samples are on the face of each photo."""
         at = zip(self.T, self.expression_offsets, strict=True)
         X, fu, fv = (t @ surface.vector + move for t, move in at)
         N = np.cross(fv, fu)
         N /= np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-12)
-        up = [contravariant(a, b) for a, b in zip(fu, fv, strict=True)]
-        return X, N, up
+        return Geometry(X, N, *contravariant(fu, fv))
+
+
+def contravariant(fu: Array, fv: Array) -> tuple[Array, Array]:
+    """``g^u, g^v``: the surface gradient of f is ``g^u f_u + g^v f_v``.
+
+    ``(..., 3)`` each.
+    """
+    E, F, G = (fu * fu).sum(-1), (fu * fv).sum(-1), (fv * fv).sum(-1)
+    det = np.maximum(E * G - F * F, 1e-9)[..., None]
+    return (
+        (G[..., None] * fu - F[..., None] * fv) / det,
+        (E[..., None] * fv - F[..., None] * fu) / det,
+    )
 
 
 def sample_grid(template: Template, grid: int) -> Array:
@@ -61,37 +88,20 @@ def sample_grid(template: Template, grid: int) -> Array:
     return uv[keep]
 
 
-def sample_surface(
-    template: Template,
-    reference: BSplineSurface,
-    surface: BSplineSurface,
-    grid: int,
-    own: Array,
-    degree: int,
-    shadows: bool,
-) -> Samples:
+def sample_surface(state: State, level: Level, shadows: bool) -> Samples:
     """The samples of one level.
 
-    Parameters
-    ----------
-    template : Template
-    reference, surface : BSplineSurface
-        The face that weighs the points by area, and that which casts the shadows.
-    grid : int
-        Points a side of the parameter square, before what is no skin is left out.
-    own : (n, M, N, 3) array
-        Displacement of the control points by the expression of each photo.
-    degree : int
-        Of the light.
-    shadows : bool
-        Whether the face hides a part of the sky from itself.
+    The reference of the model weighs them by area; the face of ``state`` casts the
+    shadows, if there are to be any.
     """
-    uv = sample_grid(template, grid)
+    model, surface = state.model, state.surface
+    uv = sample_grid(model.template, level.grid)
     u, v = uv.T
     T = [basis_matrix(surface.shape, u, v, *k) for k in ((0, 0), (1, 0), (0, 1))]
+    reference = model.reference
     fu, fv = reference.evaluate(u, v, du=1), reference.evaluate(u, v, dv=1)
     area = np.linalg.norm(np.cross(fu, fv), axis=1)
-    kept = own if own.any() else own[:1]
-    expression_offsets = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]
-    transfer = radiance_transfer(surface, uv, degree, shadows)
-    return Samples(uv, T, area / area.mean(), expression_offsets, transfer)
+    kept = model.expression_offsets if model.mixed else model.expression_offsets[:1]
+    offsets = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]
+    transfer = radiance_transfer(surface, uv, level.degree, shadows)
+    return Samples(level, uv, T, area / area.mean(), offsets, transfer)

@@ -1,0 +1,243 @@
+"""The residuals of all intensities and their derivatives.
+
+With the displacement ``delta`` of the surface along its normals, the residual of photo
+``i`` at point ``j``
+
+    r_ij = I_i(pi_i(X_j)) - rho_j L_i . Y(n_j)
+
+changes by ``(grad I . dpi/dX n_j) delta`` (motion, 0th order) and by
+``rho_j L_i Y'(n_j) (g^u delta_u + g^v delta_v)`` (shading, 1st order, because the
+normal turns by minus the surface gradient of ``delta``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ..._types import Array, Mask
+from ...camera.camera import PARAMETERS, Camera
+from ...images.photo import Photo
+from ...photometry.lighting import estimate_lighting
+from ...photometry.sampling import view_weights
+from .samples import Geometry, Samples
+from .state import State
+
+
+class Picture(Protocol):
+    """A smooth photo; `IntensityField` is one."""
+
+    def read(self, xy: Array, /) -> tuple[Array, Array, Mask]:
+        """Intensity (p, 1), gradient (p, 1, 2), inside (p,) at pixels (p, 2)."""
+        ...
+
+
+class PictureReader(Protocol):
+    """Makes the picture of a level; `smooth_photo` is one."""
+
+    def __call__(self, photo: Photo, camera: Camera, blur_mm: float, /) -> Picture:
+        """The photo smoothed by a Gaussian of ``blur_mm`` at the head."""
+        ...
+
+
+class Readings(NamedTuple):
+    """What n photos show at the samples.
+
+    Attributes
+    ----------
+    geometry : Geometry
+    harmonics : (k, p, q) array
+        Shading of the samples by each harmonic of the light, for each of k faces.
+    view : (n, p) array
+        Weight by the viewing angle, 0 where a photo does not see the point.
+    values : (n, p) array
+        Intensities over the median of their photo.
+    by_camera : (n, p, 7) array
+        Derivative of the values by the parameters of `Camera.moved`.
+    by_displacement : (n, p) array
+        Derivative by a displacement of the point along its direction.
+    """
+
+    geometry: Geometry
+    harmonics: Array
+    view: Array
+    values: Array
+    by_camera: Array
+    by_displacement: Array
+
+
+class Shading(NamedTuple):
+    """Lights and albedo that explain the values, and what is left.
+
+    Attributes
+    ----------
+    lights : (n, q) array
+    albedo : (p,) array
+    weights : (n, p) array
+        Robust, 0 where a photo does not see the point.
+    residual : (n, p) array
+    albedo_precision : float
+        Of the albedo before the values are looked at; 0 = nothing is known of it.
+    """
+
+    lights: Array
+    albedo: Array
+    weights: Array
+    residual: Array
+    albedo_precision: float = 0.0
+
+
+class ShadingSolver(Protocol):
+    """Estimates light and albedo for a known face; `RobustShading` is one."""
+
+    def __call__(self, seen: Readings, samples: Samples, state: State, /) -> Shading:
+        """Light and albedo, from those of ``state`` on."""
+        ...
+
+
+@dataclass(frozen=True)
+class RobustShading:
+    """Lights, albedo and Cauchy weights by turns.
+
+    Attributes
+    ----------
+    noise : float
+        Cauchy scale of the residuals.
+    ridge : float
+        Of the lights, relative.
+    """
+
+    noise: float
+    ridge: float
+
+    def __call__(self, seen: Readings, samples: Samples, state: State, /) -> Shading:
+        """See `ShadingSolver`."""
+        lights, albedo, weights, residual = estimate_lighting(
+            seen.values,
+            seen.view * samples.area,
+            seen.harmonics,
+            state.lights,
+            state.albedo,
+            self.noise,
+            ridge=self.ridge,
+        )
+        return Shading(lights, albedo, weights, residual)
+
+
+class Linearisation(NamedTuple):
+    """Residuals ``r + T_a c_a (dd + D da) + h_i dz_i - s drho`` with their precision.
+
+    Attributes
+    ----------
+    samples : Samples
+    residual, precision : (n, p) arrays
+    by_displacement : (n, p, 3) array
+        ``c``: derivative by the displacement and by its two slopes.
+    by_camera : (n, p, 7) array
+        First columns of ``h``.
+    by_light : (k, p, q) array
+        Last columns of ``h``; of all photos (k = 1), or of each.
+    shading : (n, p) array
+        ``s``: minus the derivative by the albedo.
+    albedo_precision : float
+        Known of the albedo beforehand.
+    """
+
+    samples: Samples
+    residual: Array
+    precision: Array
+    by_displacement: Array
+    by_camera: Array
+    by_light: Array
+    shading: Array
+    albedo_precision: float = 0.0
+
+    def by_photo(self, i: int) -> Array:
+        """``h_i``: derivative by camera and light of photo ``i``, ``(p, 7 + q)``."""
+        light = self.by_light[i if len(self.by_light) > 1 else 0]
+        return np.concatenate([self.by_camera[i], light], 1)
+
+
+def read_photos(
+    pictures: Sequence[Picture],
+    samples: Samples,
+    state: State,
+    photo_weights: Array,
+    grazing: float,
+) -> Readings:
+    """Intensities at the samples, and how they change with the geometry.
+
+    Parameters
+    ----------
+    pictures : sequence of n
+    samples : Samples
+    state : State
+    photo_weights : (n,) array
+        How much each photo counts.
+    grazing : float
+        Cosine of the viewing angle below which nothing is read.
+    """
+    model, cameras = state.model, state.cameras
+    n = len(cameras)
+    faces = model.faces(state.surface)
+    view = view_weights(
+        faces if model.mixed else faces[0], cameras, samples.uv, grazing
+    )
+    view *= photo_weights[:, None]
+    geometry = samples.geometry(state.surface)
+    X = np.broadcast_to(geometry.points, (n, *geometry.points.shape[1:]))
+    direction = samples.T[0] @ model.directions
+    values, along = np.zeros_like(view), np.zeros_like(view)
+    by_camera = np.zeros((*view.shape, PARAMETERS))
+    for i, (picture, camera) in enumerate(zip(pictures, cameras, strict=True)):
+        pixels, J, C = camera.jacobians(X[i])
+        v, g, inside = picture.read(pixels)
+        view[i] *= inside
+        visible = view[i] > 0
+        scale = np.median(v[visible, 0]) if visible.any() else 1.0
+        scale = max(float(scale), 1e-3)
+        values[i], g = v[:, 0] / scale, g[:, 0] / scale
+        by_camera[i] = np.einsum("px,pxa->pa", g, C)
+        along[i] = np.einsum("px,pxa,pa->p", g, J, direction)
+    Y = np.stack([samples.transfer.basis(N) for N in geometry.normals])
+    return Readings(geometry, Y, view, values, by_camera, along)
+
+
+def linearise(
+    seen: Readings, shading: Shading, samples: Samples, confidence: float
+) -> Linearisation:
+    """Derivatives of all residuals.
+
+    Parameters
+    ----------
+    seen : Readings
+    shading : Shading
+    samples : Samples
+    confidence : float
+        Precision of a residual of weight 1.
+    """
+    geometry, albedo, lights = seen.geometry, shading.albedo, shading.lights
+    n = len(lights)
+    c = np.zeros((*seen.values.shape, 3))
+    c[..., 0] = seen.by_displacement
+    s = np.zeros_like(seen.values)
+    for k, N in enumerate(geometry.normals):
+        which = list(range(n)) if len(geometry.normals) == 1 else [k]
+        turn = samples.transfer.slopes(N, lights[which])
+        for t, i in zip(turn, which, strict=True):
+            c[i, :, 1] = albedo * (t * geometry.g_u[k]).sum(1)
+            c[i, :, 2] = albedo * (t * geometry.g_v[k]).sum(1)
+            s[i] = seen.harmonics[k] @ lights[i]
+    return Linearisation(
+        samples,
+        shading.residual,
+        confidence * shading.weights,
+        c,
+        seen.by_camera,
+        -albedo[:, None] * seen.harmonics,
+        s,
+        shading.albedo_precision,
+    )

@@ -1,0 +1,181 @@
+"""The unknowns of the joint refinement, and how a step changes them.
+
+The face is a reference surface plus a displacement of its control points along fixed
+directions, the reference's normals: ``b = b_0 + (d + D a) n`` with the smooth part
+``d`` and the coefficients ``a`` of the prior's modes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ..._types import Array
+from ...camera.camera import PARAMETERS, Camera
+from ...problem import FaceEstimate, Problem
+from ...surface.bspline import BSplineSurface
+from ...surface.prior import ShapePrior
+from ...surface.template import Template
+
+
+@dataclass(frozen=True, eq=False)
+class DisplacementModel:
+    """The face as a function of a displacement along the normals of a reference.
+
+    Attributes
+    ----------
+    template : Template
+    prior : ShapePrior
+        Of the whole displacement from the template.
+    reference : BSplineSurface
+    directions : (M*N, 3) array
+        In which control points move: normals of the reference at their Greville
+        abscissae.
+    D : (M*N, k) array
+        Displacement by the prior's modes.
+    smooth, modes : (M*N,), (k,) arrays
+        What the reference has of the two parts already, counted from the template.
+    expression_offsets : (n, M, N, 3) array
+        Displacement of the control points by the expression of each photo.
+    """
+
+    template: Template
+    prior: ShapePrior
+    reference: BSplineSurface
+    directions: Array
+    D: Array
+    smooth: Array
+    modes: Array
+    expression_offsets: Array
+
+    @classmethod
+    def about(cls, problem: Problem, estimate: FaceEstimate) -> DisplacementModel:
+        """The model whose reference is the surface of an estimate."""
+        reference, prior = estimate.surface, problem.prior
+        greville = [
+            np.clip((np.arange(c) - 1.0) / (c - 3), 0, 1) for c in reference.shape
+        ]
+        directions = reference.normals(*np.meshgrid(*greville, indexing="ij"))
+        directions = directions.reshape(-1, 3)
+        return cls(
+            problem.template,
+            prior,
+            reference,
+            directions,
+            np.einsum("kbx,bx->bk", prior.modes, directions),
+            (estimate.smooth * directions).sum(1),
+            estimate.modes,
+            _expression_offsets(problem.template, estimate.expressions),
+        )
+
+    def surface(self, displacement: Array) -> BSplineSurface:
+        """The surface displaced by ``(M*N,)`` millimetres."""
+        moved = (displacement[:, None] * self.directions).reshape(
+            self.expression_offsets.shape[1:]
+        )
+        return BSplineSurface(self.reference.control_points + moved)
+
+    @cached_property
+    def mixed(self) -> bool:
+        """Whether the photos differ in expression."""
+        return bool(self.expression_offsets.any())
+
+    def faces(self, surface: BSplineSurface) -> list[BSplineSurface]:
+        """The surface as it is in each photo; one alone if all photos share it."""
+        if not self.mixed:
+            return [surface]
+        return [
+            BSplineSurface(surface.control_points + e) for e in self.expression_offsets
+        ]
+
+
+def _expression_offsets(template: Template, expressions: Array) -> Array:
+    modes = template.expression_modes[: expressions.shape[1]]
+    if not expressions.any():
+        return np.zeros((len(expressions), *template.surface.shape, 3))
+    return np.einsum("ik,kuvx->iuvx", expressions, modes)
+
+
+class Step(NamedTuple):
+    """A Gauss-Newton step.
+
+    Attributes
+    ----------
+    smooth, modes : (M*N,), (k,) arrays
+        Of the smooth displacement, mm, and of the coefficients of the modes.
+    photos : (n, 7 + q) array
+        Of the camera (`Camera.moved`) and of the light of each photo.
+    """
+
+    smooth: Array
+    modes: Array
+    photos: Array
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The unknowns.
+
+    Attributes
+    ----------
+    model : DisplacementModel
+    smooth, modes : (M*N,), (k,) arrays
+        Counted from the reference of the model.
+    cameras : tuple of n Camera
+    lights : (n, q) array
+        Harmonics of the light of each photo; zero while nothing is known.
+    albedo : (p,) array
+        At the samples of the level; empty before the first.
+    """
+
+    model: DisplacementModel
+    smooth: Array
+    modes: Array
+    cameras: tuple[Camera, ...]
+    lights: Array
+    albedo: Array = field(default_factory=lambda: np.zeros(0))
+
+    @classmethod
+    def start(cls, model: DisplacementModel, cameras: tuple[Camera, ...]) -> State:
+        """The reference itself, with lights that are not known yet."""
+        return cls(
+            model,
+            np.zeros(len(model.D)),
+            np.zeros(model.D.shape[1]),
+            tuple(cameras),
+            np.zeros((len(cameras), 0)),
+        )
+
+    @property
+    def displacement(self) -> Array:
+        """Of the control points along their directions, mm, ``(M*N,)``."""
+        return self.smooth + self.model.D @ self.modes
+
+    @cached_property
+    def surface(self) -> BSplineSurface:
+        """The face."""
+        return self.model.surface(self.displacement)
+
+    def at_level(self, samples: int, degree: int) -> State:
+        """The same face with lights of a degree, and nothing known of the albedo."""
+        more = max((degree + 1) ** 2 - self.lights.shape[1], 0)
+        lights = np.pad(self.lights, ((0, 0), (0, more)))
+        return replace(self, lights=lights, albedo=np.ones(samples))
+
+    def retract(self, step: Step, damping: float = 1.0) -> State:
+        """The state after a step, or after a part of it."""
+        photos = damping * step.photos
+        cameras = tuple(
+            camera.moved(y)
+            for camera, y in zip(self.cameras, photos[:, :PARAMETERS], strict=True)
+        )
+        return replace(
+            self,
+            smooth=self.smooth + damping * step.smooth,
+            modes=self.modes + damping * step.modes,
+            cameras=cameras,
+            lights=self.lights + photos[:, PARAMETERS:],
+        )

@@ -1,0 +1,172 @@
+"""What the joint system holds besides the intensities and the prior of the shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from ..._types import Array
+from ...camera.camera import PARAMETERS
+from ...camera.prior import CameraPrior
+from ...landmarks.observations import LandmarkObservations
+from ...problem import Constraint, FaceEstimate, Problem
+from ...surface.bspline import basis_matrix
+from ..landmark_term import facing_weight, landmark_rows
+from .options import JointOptions
+from .state import DisplacementModel
+from .system import BorderedSystem, Term
+
+CAMERA, LIGHT = slice(PARAMETERS), slice(PARAMETERS, None)
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkTerm:
+    """Reprojection of the landmarks, which move with the surface.
+
+    Attributes
+    ----------
+    observations : LandmarkObservations
+    offset : (n, f, 3) array
+        From the surface point to the landmark in each photo, mm.
+    T : (f, M*N) sparse array
+        Basis at the surface points.
+    sigma : float
+        Standard deviation of a landmark, mm.
+    weight : float
+        Of the whole term.
+    """
+
+    observations: LandmarkObservations
+    offset: Array
+    T: sparse.csr_array
+    sigma: float
+    weight: float
+
+    def add_to(self, system: BorderedSystem) -> None:
+        """Add the reprojection in all photos."""
+        state, seen = system.state, self.observations
+        surface = state.surface
+        X, normals = surface.evaluate(*seen.uv.T), surface.normals(*seen.uv.T)
+        along = self.T @ state.model.directions
+        upright = sparse.csr_array(self.T.T)
+        total, right = np.zeros(len(X)), np.zeros(len(X))
+        for i, camera in enumerate(state.cameras):
+            weight = self.weight * seen.weight[i] * facing_weight(camera, X, normals)
+            r, J, C, w = landmark_rows(
+                camera, X + self.offset[i], seen.pixels[i], weight, self.sigma
+            )
+            J = np.einsum("lxa,la->lx", J, along)
+            total += w * (J**2).sum(1)
+            right += w * (J * r).sum(1)
+            both = w[:, None] * np.einsum("lx,lxa->la", J, C)
+            system.add_coupling(i, CAMERA, upright @ both)
+            system.add_photo(
+                i,
+                CAMERA,
+                np.einsum("lxa,l,lxb->ab", C, w, C),
+                np.einsum("lxa,l,lx->a", C, w, r),
+            )
+        system.add_displacement(
+            upright @ sparse.diags_array(total) @ self.T, upright @ right
+        )
+
+
+@dataclass(frozen=True)
+class CameraTerm:
+    """What is known of the cameras beforehand.
+
+    Attributes
+    ----------
+    prior : CameraPrior
+    """
+
+    prior: CameraPrior
+
+    def add_to(self, system: BorderedSystem) -> None:
+        """Add the prior of all cameras."""
+        for i, camera in enumerate(system.state.cameras):
+            precision = np.diag(self.prior.precision())
+            system.add_photo(i, CAMERA, precision, self.prior.pull(camera))
+
+
+@dataclass(frozen=True)
+class LightDamping:
+    """A pull of each light to what it is.
+
+    Attributes
+    ----------
+    precision : float
+        Of the step of a coefficient.
+    """
+
+    precision: float
+
+    def add_to(self, system: BorderedSystem) -> None:
+        """Add the pull of all lights."""
+        n, count = system.state.lights.shape
+        for i in range(n):
+            pull = self.precision * np.eye(count)
+            system.add_photo(i, LIGHT, pull, np.zeros(count))
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintTerm:
+    """Control points that belong where the template has them.
+
+    Attributes
+    ----------
+    precision : (M*N,) array
+        Inverse variance of their displacement, 1/mm^2; 0 for free ones.
+    home : (M*N,) array
+        Displacement from the reference that brings them there, mm.
+    """
+
+    precision: Array
+    home: Array
+
+    @classmethod
+    def of(cls, constraint: Constraint, model: DisplacementModel) -> ConstraintTerm:
+        """The term of a constraint."""
+        away = model.template.surface.vector - model.reference.vector
+        return cls(constraint.precision, (away * model.directions).sum(1))
+
+    def add_to(self, system: BorderedSystem) -> None:
+        """Add the pull of all held points."""
+        away = self.home - system.state.displacement
+        precision = sparse.csr_array(sparse.diags_array(self.precision))
+        system.add_displacement(precision, self.precision * away)
+
+
+def default_terms(
+    problem: Problem,
+    estimate: FaceEstimate,
+    model: DisplacementModel,
+    options: JointOptions,
+) -> list[Term]:
+    """Landmarks, cameras, lights and held points of a problem.
+
+    The landmarks keep the offset from the surface that they have in ``estimate``.
+    """
+    seen = problem.landmarks
+    T = basis_matrix(estimate.surface.shape, *seen.uv.T)
+    offset = estimate.landmarks_xyz - estimate.surface.evaluate(*seen.uv.T)
+    moved = [T @ e.reshape(-1, 3) for e in model.expression_offsets]
+    prior = CameraPrior(
+        options.distance_mm, options.distance_spread, options.camera_damping
+    )
+    terms: list[Term] = [
+        LandmarkTerm(
+            seen,
+            offset + np.stack(moved),
+            T,
+            options.landmark_mm,
+            options.landmark_weight,
+        ),
+        CameraTerm(prior),
+        LightDamping(options.light_damping),
+    ]
+    if problem.constraint is not None:
+        terms.append(ConstraintTerm.of(problem.constraint, model))
+    return terms
