@@ -121,11 +121,17 @@ def info(options):
     path = _existing(options.file)
     if path.suffix.lower() == ".npz":
         from ..core.formats import load_face
-
         from ..core.json_text import plain
 
         saved = load_face(path)
-        found = [_summary(path.stem, saved.surface.shape, plain(saved.reports), saved.settings.to_dict())]
+        found = [
+            _summary(
+                path.stem,
+                saved.surface.shape,
+                plain(saved.reports),
+                saved.settings.to_dict(),
+            )
+        ]
     else:
         _open(bpy, path)
         found = [

@@ -19,7 +19,8 @@ from .compare import Comparison, compare
 from .errors import Cancelled, FailureCode, PhotoFailure, ReconstructionError
 from .formats import export
 from .formats.face_file import load_face as load
-from .images.photo import Photo, list_photos
+from .images.folder import list_photos
+from .images.photo import Photo
 from .landmarks.landmarks import Landmarks, read_landmarks, write_landmarks
 from .problem import Constraint
 from .progress import Progress, Step

@@ -9,7 +9,7 @@ import numpy as np
 
 from ._types import Array
 from .camera.coverage import shortcomings
-from .images.photo import natural_key
+from .images.folder import natural_key
 from .photometry import harmonics
 from .problem import FaceEstimate, Problem
 from .result import HistoryEntry, PhotoReport, Provenance, Reconstruction
@@ -61,9 +61,7 @@ def finish(
     )
 
 
-def photo_reports(
-    problem: Problem, estimate: FaceEstimate
-) -> tuple[PhotoReport, ...]:
+def photo_reports(problem: Problem, estimate: FaceEstimate) -> tuple[PhotoReport, ...]:
     """One report per photo, in the order of their names; of unused ones too."""
     collection, seen = problem.collection, problem.landmarks
     reports = [PhotoReport(f.name, f.code, f.reason) for f in collection.failures]
@@ -82,9 +80,7 @@ def photo_reports(
                 name=photo.name,
                 status="used",
                 reason=collection.landmarks[i].note,
-                reprojection_pct=float(
-                    100 * np.median(away[seen.weight[i] > 0]) / eye
-                ),
+                reprojection_pct=float(100 * np.median(away[seen.weight[i] > 0]) / eye),
                 yaw=yaw,
                 pitch=pitch,
                 roll=roll,

@@ -140,9 +140,7 @@ def make_problem(
         settings.smooth_length,
     )
     landmarks = observe_landmarks(collection.photos, collection.landmarks, template)
-    return Problem(
-        collection, template, prior, landmarks, settings, constraint, target
-    )
+    return Problem(collection, template, prior, landmarks, settings, constraint, target)
 
 
 def as_template(given: TemplateLike | None, settings: Settings) -> Template:
@@ -264,8 +262,7 @@ def _source(item: object) -> Path | np.ndarray:
     if isinstance(item, str | os.PathLike):
         return Path(item)
     raise TypeError(
-        "each photo must be a path or an (H, W, 3) array, not "
-        f"{type(item).__name__}."
+        f"each photo must be a path or an (H, W, 3) array, not {type(item).__name__}."
     )
 
 

@@ -1,4 +1,4 @@
-"""What a running job tells: one `Step` per piece of work, and the time of each stage."""
+"""What a running job tells: one `Step` per piece of work; the time of each stage."""
 
 from __future__ import annotations
 

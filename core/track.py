@@ -179,9 +179,7 @@ def _track_photo(
     )
 
 
-def _on_index(
-    known: KnownFace, marks: Landmarks, which: Array
-) -> tuple[Array, Array]:
+def _on_index(known: KnownFace, marks: Landmarks, which: Array) -> tuple[Array, Array]:
     """Pixels and weights of the landmarks that the known face has, (f, 2) and (f,)."""
     pixels, weight = np.zeros((468, 2)), np.zeros(468)
     pixels[which], weight[which] = marks.points, marks.weight

@@ -31,8 +31,8 @@ from scipy.spatial import cKDTree
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from core.surface.alignment import fit_similarity  # noqa: E402
 from core.solve.constraint import edited_template  # noqa: E402
+from core.surface.alignment import fit_similarity  # noqa: E402
 from core.surface.bspline import BSplineSurface, basis_matrix  # noqa: E402
 from core.surface.prior import shape_prior  # noqa: E402
 from core.surface.template import BUNDLED, Template, load_template  # noqa: E402

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from ..result import HistoryEntry
 
 Array = npt.NDArray[np.float64]
 

@@ -175,7 +175,7 @@ def npz_bytes(arrays: Arrays) -> bytes:
 def _now() -> str:
     """The time in UTC, or that of ``SOURCE_DATE_EPOCH`` (reproducible-builds.org)."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    zone = datetime.timezone.utc
+    zone = datetime.UTC
     if epoch.isdecimal():
         moment = datetime.datetime.fromtimestamp(int(epoch), zone)
     else:

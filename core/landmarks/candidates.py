@@ -18,7 +18,8 @@ import numpy as np
 from .._types import Array
 from ..camera.linear_pose import linear_pose
 from ..errors import PhotoFailure
-from ..images.photo import Photo, cut, read_photo
+from ..images.photo import Photo, cut
+from ..images.read import read_photo
 from ..progress import CheckCancelled
 from ..settings import Settings
 from ..surface.template import Template

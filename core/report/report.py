@@ -21,10 +21,10 @@ from ..drawing import maps, plots
 from ..drawing.pictures import colour_map, encode_png
 from ..drawing.render import render_views
 from ..files import write_bytes, write_text
-from ..json_text import to_json
 from ..images.colour import to_picture
-from ..result import PhotoReport, Reconstruction
+from ..json_text import to_json
 from ..progress import CheckCancelled, never_cancelled
+from ..result import PhotoReport, Reconstruction
 from ..texture.bake import Texture, bake_texture
 from ..threads import one_blas_thread
 from ..versions import VERSION, library_versions
@@ -150,7 +150,7 @@ def report_pictures(
     texture: Texture | None = None,
     check_cancelled: CheckCancelled = never_cancelled,
 ) -> dict[str, npt.NDArray[np.uint8]]:
-    """The page's pictures by name, (h, w, 3) uint8; ``check_cancelled`` before each of them."""
+    """The page's pictures by name, (h, w, 3) uint8 arrays."""
     surface, template = reconstruction.surface, reconstruction.template
     pictures = {
         "views": render_views(

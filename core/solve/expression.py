@@ -132,8 +132,7 @@ def expression_of(
     """
     if surface.shape != neutral.shape:
         raise ValueError(
-            "the nets must have the same size, got "
-            f"{surface.shape} and {neutral.shape}"
+            f"the nets must have the same size, got {surface.shape} and {neutral.shape}"
         )
     source, target = surface.vector, neutral.vector
     place = fit_similarity(source, target)

@@ -1,4 +1,4 @@
-"""Reprojection of landmarks, linearised and robust: the one term that all solvers share.
+"""Reprojection of landmarks, linearised and robust: one term for all solvers.
 
 A landmark counts by the detector's confidence, by how far its place on the face is
 turned to the camera, and by a Cauchy weight of its residual.

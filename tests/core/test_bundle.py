@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from bsface.camera.camera import Camera
 from bsface.camera.linear_pose import linear_pose
-from bsface.surface.alignment import fit_similarity
 from bsface.solve.motion import LandmarkObservations, MotionOptions, estimate_motion
+from bsface.surface.alignment import fit_similarity
 from bsface.surface.bspline import basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
