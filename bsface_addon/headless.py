@@ -81,8 +81,10 @@ def reconstruct(options):
 
     from ..core.errors import ReconstructionError
     from ..core.images.photo import list_photos
-    from . import arguments, pipeline
+    from . import arguments, scene, session
+    from .apply_result import apply_result
     from .console import Console
+    from .request import from_panel, parsed
 
     output = Path(options.output or options.out or "")
     if output.suffix.lower() != ".blend":
@@ -91,7 +93,7 @@ def reconstruct(options):
             f"not {str(output)!r}."
         )
     photos = list_photos(options.photos)
-    changes = pipeline.parsed(options.settings)
+    changes = parsed(options.settings)
     if options.method:
         changes["method"] = options.method
     if options.points:
@@ -99,15 +101,17 @@ def reconstruct(options):
     _empty_file(bpy)
     state = bpy.context.scene.bsface
     state.texture_size = options.texture
-    request = pipeline.request(
+    request = from_panel(
         state, photos, options.name, changes, ignore=tuple(options.ignore)
     )
     console = Console(options.quiet or options.json)
     try:
-        outcome = pipeline.solve(request, console)
+        outcome = session.current().solver.solve(request, console)
     finally:
         console.close()
-    face = _build(bpy, request, outcome, options)
+    face = apply_result(bpy.context, request, outcome, scale=options.size)
+    if not bpy.data.filepath:
+        scene.present(bpy.context, face)
     written = _write(bpy, output, outcome, options)
     return _facts(face, outcome.result, written, console.say)
 
@@ -207,20 +211,6 @@ def _empty_file(bpy):
         from . import register
 
         register()
-
-
-def _build(bpy, request, outcome, options):
-    from . import photo_list, pipeline, scene
-
-    context = bpy.context
-    face = pipeline.deliver(context, request, outcome, scale=options.size)
-    state = context.scene.bsface
-    state.face = face
-    photo_list.replace(state, request.photos)
-    photo_list.take_reports(state, outcome.result.reports)
-    if not bpy.data.filepath:
-        scene.present(context, face)
-    return face
 
 
 def _write(bpy, output, outcome, options):
