@@ -11,6 +11,7 @@ from . import (
     photo_panels,
     preferences,
     properties,
+    session,
     thumbnails,
 )
 from .operators import (
@@ -27,6 +28,7 @@ from .operators import (
 
 # Registered in this order, unregistered backwards: properties before what uses them.
 MODULES = (
+    session,
     properties,
     preferences,
     thumbnails,

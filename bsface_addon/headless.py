@@ -80,9 +80,11 @@ def reconstruct(options):
     import bpy
 
     from ..core.errors import ReconstructionError
-    from ..core.images.folder import list_photos
-    from . import arguments, pipeline
+    from ..core.images.photo import list_photos
+    from . import arguments, scene, session
+    from .apply_result import apply_result
     from .console import Console
+    from .request import from_panel, parsed
 
     output = Path(options.output or options.out or "")
     if output.suffix.lower() != ".blend":
@@ -91,7 +93,7 @@ def reconstruct(options):
             f"not {str(output)!r}."
         )
     photos = list_photos(options.photos)
-    changes = pipeline.parsed(options.settings)
+    changes = parsed(options.settings)
     if options.method:
         changes["method"] = options.method
     if options.points:
@@ -99,15 +101,17 @@ def reconstruct(options):
     _empty_file(bpy)
     state = bpy.context.scene.bsface
     state.texture_size = options.texture
-    request = pipeline.request(
+    request = from_panel(
         state, photos, options.name, changes, ignore=tuple(options.ignore)
     )
     console = Console(options.quiet or options.json)
     try:
-        outcome = pipeline.solve(request, console)
+        outcome = session.current().solver.solve(request, console)
     finally:
         console.close()
-    face = _build(bpy, request, outcome, options)
+    face = apply_result(bpy.context, request, outcome, scale=options.size)
+    if not bpy.data.filepath:
+        scene.present(bpy.context, face)
     written = _write(bpy, output, outcome, options)
     return _facts(face, outcome.result, written, console.say)
 
@@ -120,18 +124,10 @@ def info(options):
 
     path = _existing(options.file)
     if path.suffix.lower() == ".npz":
-        from ..core.formats import load_face
-        from ..core.json_text import plain
+        from ..core.formats.face_file import read_npz
 
-        saved = load_face(path)
-        found = [
-            _summary(
-                path.stem,
-                saved.surface.shape,
-                plain(saved.reports),
-                saved.settings.to_dict(),
-            )
-        ]
+        saved = read_npz(path)
+        found = [_summary(path.stem, saved.surface.shape, saved.report, saved.settings)]
     else:
         _open(bpy, path)
         found = [
@@ -161,9 +157,9 @@ def export(options):
     path, target = _existing(options.file), Path(options.out)
     trimmed = not options.untrimmed
     if path.suffix.lower() == ".npz":
-        from ..core.formats import load_face
+        from ..core.formats.face_file import read_npz
 
-        face = load_face(path)
+        face = read_npz(path)
         written = write(target, face, trimmed=trimmed, tolerance=options.tolerance)
         return _wrote(written)
     _open(bpy, path)
@@ -217,20 +213,6 @@ def _empty_file(bpy):
         register()
 
 
-def _build(bpy, request, outcome, options):
-    from . import photo_list, pipeline, scene
-
-    context = bpy.context
-    face = pipeline.deliver(context, request, outcome, scale=options.size)
-    state = context.scene.bsface
-    state.face = face
-    photo_list.replace(state, request.photos)
-    photo_list.take_reports(state, outcome.result.reports)
-    if not bpy.data.filepath:
-        scene.present(context, face)
-    return face
-
-
 def _write(bpy, output, outcome, options):
     """Write what was asked for; each file appears whole or not at all."""
     from ..core.files import replacing
@@ -243,9 +225,9 @@ def _write(bpy, output, outcome, options):
             filepath=str(temporary.resolve()), compress=True, relative_remap=False
         )
     if options.npz:
-        from ..core.formats import save_face
+        from ..core.formats.face_file import write_npz
 
-        written.append(save_face(options.npz, outcome.result))
+        written.append(write_npz(options.npz, outcome.result))
     if options.report:
         from ..core.report.report import write_report
 

@@ -11,10 +11,11 @@ import queue
 import threading
 import time
 import traceback
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-# The one job of this Blender session, so that the panels can draw its progress.
-# Not saved in the file: a file can never come up with a locked panel.
-_current = None
+if TYPE_CHECKING:
+    from ..core.progress import Progress, Step
 
 
 class Job:
@@ -24,6 +25,8 @@ class Job:
     ----------
     work : callable
         Takes the core's progress callback; must not touch bpy.
+    cancelled : type
+        The exception by which the callback stops the work (core.errors.Cancelled).
 
     Attributes
     ----------
@@ -35,10 +38,12 @@ class Job:
         The error's traceback, for the copyable error block.
     """
 
-    def __init__(self, work, cancelled):
-        self.step = None
-        self.result = None
-        self.error = None
+    def __init__(
+        self, work: Callable[[Progress], object], cancelled: type[Exception]
+    ) -> None:
+        self.step: Step | None = None
+        self.result: object = None
+        self.error: BaseException | None = None
         self.trace = ""
         self.finished = False
         self.started = time.monotonic()
@@ -52,7 +57,7 @@ class Job:
         )
         self._thread.start()
 
-    def poll(self):
+    def poll(self) -> bool:
         """Take what the worker sent; whether there was news."""
         news = False
         while True:
@@ -70,60 +75,30 @@ class Job:
                 elif kind == "error":
                     self.error, self.trace = value
 
-    def cancel(self):
+    def cancel(self) -> None:
         """Ask the worker to stop; returns at once, its result is dropped."""
         self._stop.set()
 
     @property
-    def cancelled(self):
+    def cancelled(self) -> bool:
         return self._stop.is_set()
 
-    def wait(self, seconds):
+    def wait(self, seconds: float) -> bool:
         """Wait for the worker to end (tests and quitting only)."""
         self._thread.join(seconds)
         return not self._thread.is_alive()
 
     @property
-    def fraction(self):
+    def fraction(self) -> float:
         """Done part in [0, 1]."""
         return 0.0 if self.step is None else min(max(self.step.overall, 0.0), 1.0)
 
-    def remaining(self):
+    def remaining(self) -> float | None:
         """Seconds left by the pace so far; None while that would be a guess."""
         passed = time.monotonic() - self.started
         if self.fraction < 0.05 or passed < 2.0:
             return None
         return passed * (1.0 - self.fraction) / self.fraction
-
-
-def start(work, cancelled):
-    """Start the job of this session.
-
-    Parameters
-    ----------
-    work : callable
-        See `Job`.
-    cancelled : type
-        The exception by which ``progress`` stops the work (core.errors.Cancelled).
-    """
-    global _current
-    if _current is not None:
-        raise RuntimeError("a job is running already")
-    _current = Job(work, cancelled)
-    return _current
-
-
-def current():
-    """The running job, or None."""
-    return _current
-
-
-def end():
-    """Forget the running job; stops it where it still works."""
-    global _current
-    if _current is not None:
-        _current.cancel()
-        _current = None
 
 
 def _run(work, news, stop, cancelled):

@@ -9,11 +9,19 @@ centres are integers, y down, as in the core.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
+from ..core.landmarks.landmarks import Landmarks, write_landmarks
+from ..core.surface.template import load_template
 from . import cameras
+
+if TYPE_CHECKING:
+    from ..core.images.photo import Photo
 
 PHOTO = "bsface_landmarks_of"
 SCHEME = "bsface_scheme"
@@ -47,16 +55,16 @@ def editor():
     return None
 
 
-def open_editor(context, photo, landmarks, lines):
+def open_editor(
+    context: bpy.types.Context, photo: Photo, landmarks: Landmarks
+) -> bpy.types.Object:
     """Show the landmarks of a photo over it, ready to be moved.
 
     Parameters
     ----------
-    photo : core Photo
+    photo : Photo
         Its name, path and size are used.
-    landmarks : core Landmarks
-    lines : int array or None
-        Indices of the 68 points among the landmarks, for the lines between them.
+    landmarks : Landmarks
     """
     collection = bpy.data.collections.new("BSface landmarks")
     context.scene.collection.children.link(collection)
@@ -65,7 +73,7 @@ def open_editor(context, photo, landmarks, lines):
     collection.objects.link(obj)
     plane = np.zeros((len(landmarks.points), 3))
     plane[:, :2] = to_plane(landmarks.points, photo.size)
-    mesh.from_pydata(plane.tolist(), _edges(lines), [])
+    mesh.from_pydata(plane.tolist(), _edges(landmarks.scheme), [])
     obj.location = PLACE
     obj.show_in_front = True
     obj[PHOTO], obj[SCHEME] = photo.name, landmarks.scheme
@@ -155,7 +163,23 @@ def to_pixels(plane, size):
     return np.asarray(plane) * (1, -1) * size.max() + (size - 1) / 2
 
 
-def _edges(lines):
+def write(path: Path, landmarks: Landmarks) -> None:
+    """Write landmarks to a file; ``.pts`` takes the 68 points out of the 468."""
+    if path.suffix.lower() == ".pts" and landmarks.scheme == "468":
+        landmarks = landmarks.subset("68", _indices_of_68("468"))
+    write_landmarks(path, landmarks)
+
+
+def _indices_of_68(scheme: str) -> Sequence[int] | None:
+    """Where the 68 points stand among the landmarks of a scheme, or None."""
+    if scheme == "68":
+        return range(68)
+    return load_template().schemes["68"] if scheme == "468" else None
+
+
+def _edges(scheme: str) -> list[tuple[int, int]]:
+    """The lines between the 68 points, as pairs of landmarks."""
+    lines = _indices_of_68(scheme)
     if lines is None:
         return []
     found = []

@@ -9,11 +9,11 @@ import bpy
 
 from . import (
     cameras,
-    job,
     lights,
     material,
     messages,
     scene,
+    session,
     settings_group,
     surface_object,
 )
@@ -30,7 +30,7 @@ class BSFACE_PT_reconstruct(BSFacePanel, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
-        running = job.current()
+        running = session.running()
         if running is not None:
             text = messages.progress_line(running)
             layout.progress(factor=running.fraction, type="BAR", text=text)
@@ -70,7 +70,7 @@ class BSFACE_PT_settings(BSFacePanel, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         state = context.scene.bsface
-        layout.enabled = job.current() is None
+        layout.enabled = session.running() is None
         _settings(layout.column(align=True), state.settings, settings_group.MAIN)
         column = layout.column(align=True)
         column.prop(state, "texture_size", text="")
@@ -85,7 +85,7 @@ class BSFACE_PT_advanced(BSFacePanel, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
-        layout.enabled = job.current() is None
+        layout.enabled = session.running() is None
         rest = [n for n in settings_group.NAMES if n not in settings_group.MAIN]
         _settings(layout.column(align=True), context.scene.bsface.settings, rest)
 

@@ -9,15 +9,18 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+from pathlib import Path
 
 import bpy
 from mathutils import Quaternion, Vector
 
+from ..core.errors import ReconstructionError
 from . import (
     cameras,
     face_file,
     lights,
     material,
+    messages,
     photo_expression,
     rig,
     surface_object,
@@ -108,6 +111,21 @@ def faces(context):
 def is_face(obj):
     """Whether the object is a face that `place` made and that is still a surface."""
     return obj is not None and bool(obj.get(MARK)) and surface_object.is_surface(obj)
+
+
+def photo_files(face: bpy.types.Object) -> tuple[Path, ...]:
+    """Files of the photos that shaped a face, as far as they are still there.
+
+    Raises
+    ------
+    ReconstructionError
+        None is.
+    """
+    paths = (Path(row["path"]) for row in stored(face, PHOTOS, []) if row["path"])
+    found = tuple(path for path in paths if path.is_file())
+    if not found:
+        raise ReconstructionError(messages.NO_SUCH_FILES.format(name=face.name))
+    return found
 
 
 def active_face(context):

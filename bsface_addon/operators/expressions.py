@@ -6,7 +6,7 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ...core.errors import ReconstructionError
-from .. import face_file, messages, photo_list, pipeline, scene, surface_object
+from .. import face_file, messages, photo_list, request, scene, surface_object
 from .photos import ready
 from .running import LongOperator
 from .surface import FaceOperator
@@ -81,7 +81,7 @@ class BSFACE_OT_expression_key(FaceOperator, LongOperator, bpy.types.Operator):
             )
         face = scene.active_face(context)
         known = photo_list.known_landmarks(state)
-        return pipeline.request(
+        return request.from_panel(
             state,
             tuple(photo_list.absolute(row) for row in rows),
             self.expression,

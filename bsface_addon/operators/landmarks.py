@@ -9,7 +9,9 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ...core.errors import ReconstructionError
-from .. import landmark_editor, messages, photo_list, pipeline
+from ...core.images.photo import read_photo
+from .. import landmark_editor, messages, photo_list, request, session
+from ..solving import next_face
 from .photos import RowOperator, ready
 from .running import LongOperator
 
@@ -21,7 +23,9 @@ class BSFACE_OT_landmarks_detect(LongOperator, bpy.types.Operator):
     bl_label = "Detect All"
     bl_options = {"UNDO"}
 
-    solve = staticmethod(pipeline.detect)
+    @staticmethod
+    def work(solver, request, progress):
+        return solver.detect(request, progress)
 
     @classmethod
     def poll(cls, context):
@@ -32,15 +36,16 @@ class BSFACE_OT_landmarks_detect(LongOperator, bpy.types.Operator):
         known = photo_list.known_landmarks(state)
         # What a person did stays; the rest is looked for anew.
         given = {n: item for n, item in known.items() if item.source != "detected"}
-        return pipeline.request(state, landmarks=given)
+        return request.from_panel(state, landmarks=given)
 
     def deliver(self, context, request, outcome):
         state = context.scene.bsface
-        photo_list.take_landmarks(state, outcome.landmarks)
-        photo_list.take_failures(state, outcome.failures)
-        photo_list.take_found(state, outcome.landmarks)
-        state.hints = "\n".join(pipeline.hints(outcome))
-        found, total = len(outcome.landmarks), len(state.photos)
+        landmarks = outcome.collection.landmarks
+        photo_list.take_landmarks(state, landmarks)
+        photo_list.take_failures(state, outcome.collection.failures)
+        photo_list.take_found(state, landmarks)
+        state.hints = "\n".join(outcome.hints)
+        found, total = len(landmarks), len(state.photos)
         self.report({"INFO"}, messages.FOUND.format(found=found, all=total))
 
 
@@ -73,14 +78,13 @@ class BSFACE_OT_landmarks_edit(RowOperator, bpy.types.Operator):
         if found is None:
             self.report({"ERROR"}, messages.NO_LANDMARKS.format(name=row.name))
             return {"CANCELLED"}
-        photo = pipeline.photo_size(photo_list.absolute(row), row.name)
+        photo = read_photo(photo_list.absolute(row), row.name)
         if not photo:
             self.report({"ERROR"}, photo.reason)
             return {"CANCELLED"}
         if landmark_editor.editor() is not None:
             bpy.ops.bsface.landmarks_done()
-        lines = pipeline.line_indices(found.scheme)
-        landmark_editor.open_editor(context, photo, found, lines)
+        landmark_editor.open_editor(context, photo, found)
         return {"FINISHED"}
 
 
@@ -139,10 +143,12 @@ class BSFACE_OT_face_next(RowOperator, bpy.types.Operator):
         scheme = context.scene.bsface.settings.landmarks
         now = photo_list.landmarks(row)
         try:
-            found = pipeline.next_face(photo_list.absolute(row), row.name, scheme, now)
+            solver = session.current().solver
+            faces = solver.faces_in(photo_list.absolute(row), row.name, scheme)
         except ReconstructionError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        found = next_face(faces, now)
         # Chosen by a person: detection must not undo it.
         photo_list.keep_landmarks(row, replace(found, source="hand"))
         row.status, row.reason = "found", ""
@@ -208,9 +214,9 @@ class BSFACE_OT_landmarks_export(LandmarkFile, bpy.types.Operator):
                 self.report({"ERROR"}, messages.NO_LANDMARKS.format(name=row.name))
             return {"CANCELLED"}
         try:
-            pipeline.write_landmarks(Path(bpy.path.abspath(self.filepath)), found)
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
+            landmark_editor.write(Path(bpy.path.abspath(self.filepath)), found)
+        except (OSError, ValueError) as error:
+            self.report({"ERROR"}, messages.NOT_WRITTEN.format(why=error))
             return {"CANCELLED"}
         return {"FINISHED"}
 

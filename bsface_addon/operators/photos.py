@@ -14,14 +14,14 @@ from bpy.props import (
 )
 
 from ...core.errors import ReconstructionError
-from .. import job, messages, photo_list
+from .. import messages, photo_list, session
 
 ENDINGS = "*.jpg;*.jpeg;*.png;*.tif;*.tiff;*.webp;*.bmp"
 
 
 def ready(cls, context, needs_photos=True):
     """Shared poll: no job runs and, if asked, there are photos."""
-    if job.current() is not None:
+    if session.running() is not None:
         cls.poll_message_set(messages.RUNNING)
         return False
     if needs_photos and not context.scene.bsface.photos:

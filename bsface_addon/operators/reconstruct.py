@@ -5,7 +5,8 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
-from .. import job, messages, photo_list, pipeline, scene
+from .. import messages, photo_list, request, scene, session
+from ..apply_result import apply_result
 from . import running
 
 
@@ -59,7 +60,7 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if job.current() is not None:
+        if session.running() is not None:
             cls.poll_message_set(messages.RUNNING)
             return False
         return True
@@ -71,7 +72,7 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
             from ...core.images.folder import list_photos
 
             photos = list_photos(bpy.path.abspath(self.directory))
-        changes = pipeline.parsed(self.settings)
+        changes = request.parsed(self.settings)
         if self.control_points_u or self.control_points_v:
             changes["control_points"] = (
                 self.control_points_u or state.settings.control_points_u,
@@ -80,22 +81,16 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         left_out = tuple(name for name in self.ignore.split("|") if name)
         if photos is None:
             left_out += photo_list.ignored(state)
-        return pipeline.request(state, photos, self.name, changes, ignore=left_out)
+        return request.from_panel(state, photos, self.name, changes, ignore=left_out)
 
     def deliver(self, context, request, outcome):
         state = context.scene.bsface
         separate = self.separate or state.separate
         face = None if separate else scene.active_face(context)
         fresh = face is None
-        face = pipeline.deliver(context, request, outcome, face=face, scale=state.size)
-        state.face = face
+        face = apply_result(context, request, outcome, face=face, scale=state.size)
         if fresh and not bpy.app.background:
             scene.show(context, face)
-        if self.directory:
-            photo_list.replace(state, request.photos)
-        photo_list.take_reports(state, outcome.result.reports)
-        state.hints = "\n".join(outcome.result.warnings)
-        photo_list.take_landmarks(state, outcome.result.landmarks)
         for warning in outcome.result.warnings:
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, messages.done(face, outcome.result.reports))

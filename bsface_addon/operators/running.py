@@ -1,35 +1,43 @@
 """How an operator with long core work runs: straight through, or beside the UI.
 
-`LongOperator` is mixed into operators that define ``prepare(context)`` -> request
-and ``deliver(context, request, outcome)``, both on the main thread, and
-``solve(request, progress)``, a static function of core code only.
+`LongOperator` is mixed into operators that define ``prepare(context)`` -> request and
+``deliver(context, request, outcome)``, both on the main thread, and ``work(solver,
+request, progress)``, a static function of core code only.
 """
 
 from __future__ import annotations
 
 import functools
 import traceback
+from typing import TYPE_CHECKING
 
 import bpy
 
-from ...core.errors import Cancelled, ReconstructionError, out_of_memory
-from .. import job, messages, pipeline
+from ...core.errors import ReconstructionError, out_of_memory
+from .. import messages, session
+
+if TYPE_CHECKING:
+    from ...core.progress import Progress
+    from ..job import Job
+    from ..request import Request
+    from ..solving import Outcome, Solver
 
 INTERVAL_S = 0.1
-# Of the running job; here and not on the operator, because Blender drops the operator
-# without a word when the add-on is disabled.
-_timer = None
 
 
 class LongOperator:
     """``execute`` runs straight through; ``invoke`` runs beside the UI (see `job`)."""
 
-    solve = staticmethod(pipeline.solve)
+    @staticmethod
+    def work(solver: Solver, request: Request, progress: Progress | None) -> Outcome:
+        """What the thread does."""
+        return solver.solve(request, progress)
 
     def execute(self, context):
         try:
             request = self.prepare(context)
-            self.deliver(context, request, type(self).solve(request, None))
+            outcome = self.work(session.current().solver, request, None)
+            self.deliver(context, request, outcome)
         except Exception as error:
             return self.failed(context, error, traceback.format_exc())
         return {"FINISHED"}
@@ -37,18 +45,23 @@ class LongOperator:
     def invoke(self, context, event):
         if bpy.app.background:
             return self.execute(context)
+        return self.start(context)
+
+    def start(self, context):
+        """Start the job and go on as a modal operator."""
         try:
             self._request = self.prepare(context)
         except Exception as error:
             return self.failed(context, error, traceback.format_exc())
+        now = session.current()
         # The thread gets the function and the request, not the operator.
-        job.start(functools.partial(type(self).solve, self._request), Cancelled)
+        now.start(functools.partial(type(self).work, now.solver, self._request))
         begin(context)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
-        running = job.current()
+        running = session.running()
         if running is None:
             end(context)
             return {"CANCELLED"}
@@ -97,30 +110,29 @@ class LongOperator:
         return {"CANCELLED"}
 
 
-def begin(context):
+def begin(context: bpy.types.Context) -> None:
     """Show in the cursor and the status bar that a job runs."""
-    global _timer
     manager = context.window_manager
-    _timer = manager.event_timer_add(INTERVAL_S, window=context.window)
+    session.current().timer = manager.event_timer_add(INTERVAL_S, window=context.window)
     manager.progress_begin(0, 100)
 
 
-def end(context):
+def end(context: bpy.types.Context) -> None:
     """Forget the job and take its progress off the screen; fine where none runs."""
-    global _timer
-    job.end()
-    if _timer is None:
+    now = session.current()
+    now.stop()
+    if now.timer is None:
         return
     manager = context.window_manager
-    manager.event_timer_remove(_timer)
-    _timer = None
+    manager.event_timer_remove(now.timer)
+    now.timer = None
     manager.progress_end()
     if context.workspace is not None:
         context.workspace.status_text_set(None)
     redraw(context)
 
 
-def show_progress(context, running):
+def show_progress(context: bpy.types.Context, running: Job) -> None:
     """Progress in the cursor, the status bar and the sidebar."""
     if running.step is None:
         return
@@ -133,13 +145,13 @@ def show_progress(context, running):
 
 def draw_status(header, context):
     """The status bar of a running job."""
-    running = job.current()
+    running = session.running()
     if running is not None:
         text = messages.progress_line(running) + "   Esc: stop"
         header.layout.label(text=text, translate=False)
 
 
-def redraw(context):
+def redraw(context: bpy.types.Context) -> None:
     """Redraw the sidebars of the 3D views, not the views: those are slow."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:

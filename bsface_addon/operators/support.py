@@ -6,7 +6,7 @@ import bpy
 from bl_operators.presets import AddPresetBase
 from bpy.props import EnumProperty
 
-from .. import job, messages, settings_group
+from .. import messages, session, settings_group
 
 PRESETS = "bsface/settings"
 
@@ -45,7 +45,7 @@ class BSFACE_OT_reset(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if job.current() is not None:
+        if session.running() is not None:
             cls.poll_message_set(messages.RUNNING)
             return False
         return True

@@ -6,19 +6,20 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from ...core.errors import ReconstructionError
+from ...core.problem import Constraint
 from .. import (
     face_file,
-    job,
     maps,
     material,
     mesh_copy,
     messages,
     photo_expression,
-    photo_list,
-    pipeline,
+    request,
     scene,
+    session,
     surface_object,
 )
+from ..apply_result import apply_result
 from .running import LongOperator
 
 
@@ -27,7 +28,7 @@ class FaceOperator:
 
     @classmethod
     def poll(cls, context):
-        if job.current() is not None:
+        if session.running() is not None:
             cls.poll_message_set(messages.RUNNING)
             return False
         if scene.active_face(context) is None:
@@ -68,23 +69,20 @@ class BSFACE_OT_surface_refit(FaceOperator, LongOperator, bpy.types.Operator):
             held = face_file.moved(face)
         elif self.hold == "SELECTED":
             held = surface_object.selected(face)
-        return pipeline.request(
+        return request.from_panel(
             state,
-            None if state.photos else pipeline.photos_of(face),
+            None if state.photos else scene.photo_files(face),
             face.name,
             {"control_points": surface_object.shape(face)},
             start=face_file.surface(face),
-            held=held,
-            softness_mm=self.softness,
+            constraint=None if held is None else Constraint(held, self.softness),
         )
 
     def deliver(self, context, request, outcome):
         face = scene.active_face(context)
         if face is None:
             raise ReconstructionError(messages.NO_FACE_OBJECT)
-        pipeline.deliver(context, request, outcome, face=face)
-        state = context.scene.bsface
-        photo_list.take_reports(state, outcome.result.reports)
+        apply_result(context, request, outcome, face=face)
         self.report({"INFO"}, messages.done(face, outcome.result.reports))
 
 

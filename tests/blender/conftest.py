@@ -39,22 +39,18 @@ def addon(registered, empty_scene):
 
 
 @pytest.fixture
-def solved(monkeypatch, tmp_path):
-    """Reconstruction without solving: operators get the made-up face.
-
-    Returns the list of requests that were made.
-    """
+def solver(registered, tmp_path):
+    """The session's solver for this test: answers with the made-up face."""
     from blender import faces
 
-    pipeline = load("bsface_addon.pipeline")
-    running = load("bsface_addon.operators.running")
-    requests = []
-
-    def solve(request, progress=None):
-        requests.append(request)
-        return pipeline.Outcome(faces.reconstruction(tmp_path / "photos"), {})
-
-    monkeypatch.setattr(pipeline, "solve", solve)
-    monkeypatch.setattr(running.LongOperator, "solve", staticmethod(solve))
     faces.photo_files(tmp_path / "photos")
-    return requests
+    now = load("bsface_addon.session").current()
+    real, now.solver = now.solver, faces.FakeSolver(tmp_path / "photos")
+    yield now.solver
+    now.solver = real
+
+
+@pytest.fixture
+def solved(solver):
+    """Reconstruction without solving; the list of requests that were made."""
+    return solver.requests

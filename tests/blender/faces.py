@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 Camera = load("core.camera.camera").Camera
 Landmarks = load("core.landmarks.landmarks").Landmarks
 
+Outcome = load("bsface_addon.solving").Outcome
+
 SIZE = (160, 200)
 YAWS = (-30.0, 0.0, 25.0)
 
@@ -67,3 +69,34 @@ def reconstruction(folder, kappa=1 / 900):
         ),
         warnings=("The light hardly differs.",),
     )
+
+
+class FakeSolver:
+    """Answers without solving, with what it was given; keeps the requests.
+
+    An answer that is an exception is raised.
+    """
+
+    def __init__(self, folder):
+        self.requests = []
+        self.answer = Outcome(reconstruction(folder))
+        self.detection = None
+        self.faces = ()
+
+    def solve(self, request, progress=None):
+        self.requests.append(request)
+        return given(self.answer)
+
+    def detect(self, request, progress=None):
+        self.requests.append(request)
+        return given(self.detection)
+
+    def faces_in(self, path, name, scheme):
+        return given(self.faces)
+
+
+def given(answer):
+    """The answer, raised if it is an exception."""
+    if isinstance(answer, Exception):
+        raise answer
+    return answer

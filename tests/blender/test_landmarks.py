@@ -1,5 +1,6 @@
 """Landmarks: detection, moving them by hand, files."""
 
+import dataclasses
 import json
 
 import bpy
@@ -10,10 +11,9 @@ from blender.checkout import load
 
 photo_list = load("bsface_addon.photo_list")
 landmark_editor = load("bsface_addon.landmark_editor")
-pipeline = load("bsface_addon.pipeline")
-landmark_operators = load("bsface_addon.operators.landmarks")
+solving = load("bsface_addon.solving")
 core_landmarks = load("core.landmarks.landmarks")
-PhotoFailure = load("core.errors").PhotoFailure
+errors = load("core.errors")
 PhotoCollection = load("core.prepare").PhotoCollection
 
 
@@ -39,22 +39,16 @@ def test_rows_keep_landmarks(rows):
     assert photo_list.landmarks(rows[1]) is None
 
 
-def test_detection_fills_the_rows_and_keeps_hand_work(rows, monkeypatch):
-    asked = []
-
-    def detect(request, progress=None):
-        asked.append(request)
-        failure = PhotoFailure("2.png", "no_face", "No face was found in 2.png.")
-        return PhotoCollection((), (some("0.png"), some("1.png")), (failure,))
-
-    monkeypatch.setattr(
-        landmark_operators.BSFACE_OT_landmarks_detect, "solve", staticmethod(detect)
-    )
+def test_detection_fills_the_rows_and_keeps_hand_work(rows, solver):
+    failure = errors.PhotoFailure("2.png", "no_face", "No face was found in 2.png.")
+    found = PhotoCollection((), (some("0.png"), some("1.png")), (failure,))
+    solver.detection = solving.Detection(found, ("Add one from the left.",))
     photo_list.keep_landmarks(rows[1], some("1.png"))
     stored = json.loads(rows[0].landmarks)
     rows[0].landmarks = json.dumps({**stored, "source": "hand"})
     bpy.ops.bsface.landmarks_detect()
-    assert list(asked[0].landmarks) == ["0.png"]
+    assert list(solver.requests[0].landmarks) == ["0.png"]
+    assert bpy.context.scene.bsface.hints == "Add one from the left."
     assert [row.status for row in rows] == ["found", "found", "no_face"]
     assert "2.png" in rows[2].reason
     assert photo_list.landmarks(rows[1]) is not None
@@ -187,20 +181,16 @@ def test_known_landmarks_go_into_the_next_run(rows, solved):
     assert list(request.landmarks) == ["0.png"]
 
 
-def test_another_face_of_the_photo_can_be_chosen(rows, monkeypatch):
-    import dataclasses
-
-    faces_in = load("core.landmarks.all_faces")
+def test_another_face_of_the_photo_can_be_chosen(rows, solver):
     left = some("1.png", "468", 468)
     right = dataclasses.replace(left, points=left.points + (200, 0))
-    monkeypatch.setattr(faces_in, "faces_in", lambda *_: (left, right))
+    solver.faces = (left, right)
     xs = []
     for _ in range(3):
         bpy.ops.bsface.face_next(photo="1.png")
         xs.append(photo_list.landmarks(rows[1]).points[0, 0])
     np.testing.assert_allclose(np.diff(xs), [200, -200], atol=1e-2)
     assert photo_list.landmarks(rows[1]).source == "hand"
-    failure = PhotoFailure("1.png", "no_face", "No face was found in 1.png.")
-    monkeypatch.setattr(faces_in, "faces_in", lambda *_: failure)
+    solver.faces = errors.ReconstructionError("No face was found in 1.png.")
     with pytest.raises(RuntimeError, match="No face was found"):
         bpy.ops.bsface.face_next(photo="1.png")

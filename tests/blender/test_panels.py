@@ -11,7 +11,7 @@ from blender.checkout import load
 panels = load("bsface_addon.panels")
 photo_panels = load("bsface_addon.photo_panels")
 photo_list = load("bsface_addon.photo_list")
-job = load("bsface_addon.job")
+session = load("bsface_addon.session")
 errors = load("core.errors")
 messages = load("bsface_addon.messages")
 Step = load("core.progress").Step
@@ -100,7 +100,7 @@ def test_a_running_job_shows_its_progress(addon):
     def work(progress):
         progress(Step("motion", 3, 8, 0.4, ""))
 
-    running = job.start(work, errors.Cancelled)
+    running = session.current().start(work)
     running.wait(20)
     running.poll()
     layout = MagicMock()
@@ -109,7 +109,7 @@ def test_a_running_job_shows_its_progress(addon):
     assert layout.progress.call_args.kwargs["factor"] == 0.4
     assert "Placing cameras 3/8" in layout.progress.call_args.kwargs["text"]
     drawn()
-    job.end()
+    session.current().stop()
 
 
 def test_every_status_of_the_core_has_words_and_advice():

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from blender.checkout import load
 
-job = load("bsface_addon.job")
+session = load("bsface_addon.session")
+Job = load("bsface_addon.job").Job
 scene = load("bsface_addon.scene")
 surface_object = load("bsface_addon.surface_object")
 errors = load("core.errors")
@@ -83,30 +84,16 @@ def test_one_undo_step_removes_the_result(addon, solved, tmp_path):
     assert bpy.context.scene.bsface.face is None
 
 
-def test_a_failed_solve_is_one_sentence_and_leaves_nothing(
-    addon, solved, tmp_path, monkeypatch
-):
-    running = load("bsface_addon.operators.running")
-
-    def fail(request, progress=None):
-        raise errors.ReconstructionError("None of the 3 photos can be used.")
-
-    monkeypatch.setattr(running.LongOperator, "solve", staticmethod(fail))
+def test_a_failed_solve_is_one_sentence_and_leaves_nothing(addon, solver, tmp_path):
+    solver.answer = errors.ReconstructionError("None of the 3 photos can be used.")
     with pytest.raises(RuntimeError, match="None of the 3 photos"):
         bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
     assert not bpy.data.objects and not bpy.data.collections
     assert "None of the 3" in bpy.context.scene.bsface.last_error
 
 
-def test_an_unexpected_error_is_kept_for_the_report(
-    addon, solved, tmp_path, monkeypatch
-):
-    running = load("bsface_addon.operators.running")
-
-    def fail(request, progress=None):
-        raise ZeroDivisionError("inside")
-
-    monkeypatch.setattr(running.LongOperator, "solve", staticmethod(fail))
+def test_an_unexpected_error_is_kept_for_the_report(addon, solver, tmp_path):
+    solver.answer = ZeroDivisionError("inside")
     with pytest.raises(RuntimeError, match="error inside BSface"):
         bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
     assert "Traceback" in bpy.context.scene.bsface.last_error
@@ -117,7 +104,7 @@ def finish(running):
     running.poll()
 
 
-def test_job_reports_progress_and_result():
+def test_job_reports_progress_and_result(addon):
     go = threading.Event()
 
     def work(progress):
@@ -125,16 +112,17 @@ def test_job_reports_progress_and_result():
         go.wait(20)
         return np.arange(3)
 
-    running = job.start(work, errors.Cancelled)
-    assert job.current() is running
+    now = session.current()
+    running = now.start(work)
+    assert session.running() is running
     with pytest.raises(RuntimeError, match="running already"):
-        job.start(work, errors.Cancelled)
+        now.start(work)
     go.set()
     finish(running)
     assert running.fraction == 0.25 and running.step.message == "one"
     assert running.finished and running.result.tolist() == [0, 1, 2]
-    job.end()
-    assert job.current() is None
+    now.stop()
+    assert session.running() is None
 
 
 def test_job_stops_at_the_next_report():
@@ -146,20 +134,18 @@ def test_job_stops_at_the_next_report():
         progress(Step("motion", 0, 1, 0.0, ""))
         passed.append(True)
 
-    running = job.start(work, errors.Cancelled)
+    running = Job(work, errors.Cancelled)
     running.cancel()
     go.set()
     finish(running)
     assert running.finished and running.result is None and running.error is None
     assert not passed
-    job.end()
 
 
 def test_job_brings_errors_with_their_trace():
     def work(progress):
         raise ValueError("broken")
 
-    running = job.start(work, errors.Cancelled)
+    running = Job(work, errors.Cancelled)
     finish(running)
     assert isinstance(running.error, ValueError) and "broken" in running.trace
-    job.end()

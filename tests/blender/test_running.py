@@ -12,6 +12,7 @@ import pytest
 from blender.checkout import load
 
 running = load("bsface_addon.operators.running")
+session = load("bsface_addon.session")
 job = load("bsface_addon.job")
 errors = load("core.errors")
 Step = load("core.progress").Step
@@ -39,19 +40,23 @@ class Operator(running.LongOperator):
 
 
 @pytest.fixture
-def window(monkeypatch):
-    """A context with a window, and a Blender that is not in the background."""
-    fake = SimpleNamespace(app=SimpleNamespace(background=False))
-    monkeypatch.setattr(running, "bpy", fake)
+def window(registered):
+    """A context with a window."""
     context = MagicMock()
     yield context
     running.end(context)
 
 
 def started(window, solve):
-    operator_class = type("Started", (Operator,), {"solve": staticmethod(solve)})
-    operator = operator_class()
-    assert operator.invoke(window, None) == {"RUNNING_MODAL"}
+    """The operator after Blender has invoked it in a window."""
+
+    class Started(Operator):
+        @staticmethod
+        def work(solver, request, progress):
+            return solve(request, progress)
+
+    operator = Started()
+    assert operator.start(window) == {"RUNNING_MODAL"}
     return operator
 
 
@@ -65,7 +70,7 @@ def until_end(operator, window):
 
 
 def assert_cleaned(operator, window):
-    assert job.current() is None
+    assert session.running() is None
     manager = window.window_manager
     manager.event_timer_remove.assert_called_once()
     manager.progress_end.assert_called_once()
@@ -88,7 +93,7 @@ def test_the_result_is_delivered_on_the_main_thread(window):
 def test_esc_ends_at_once_and_delivers_nothing(window):
     go = threading.Event()
     operator = started(window, lambda request, progress: go.wait(20))
-    began = job.current()
+    began = session.running()
     assert operator.modal(window, ESC) == {"CANCELLED"}
     assert not operator.delivered and began.cancelled
     assert "as it was" in operator.said[0][1]
@@ -111,7 +116,7 @@ def test_blender_stops_it_when_another_file_is_loaded(window):
 def going(addon):
     """A job under way in this Blender, and what lets it go on."""
     go = threading.Event()
-    began = job.start(lambda progress: go.wait(20), errors.Cancelled)
+    began = session.current().start(lambda progress: go.wait(20))
     running.begin(bpy.context)
     yield began
     go.set()
@@ -120,9 +125,9 @@ def going(addon):
 
 
 def assert_nothing_runs(began):
-    assert began.cancelled and job.current() is None
+    assert began.cancelled and session.running() is None
     # Blender removes a timer only once: a second time is an error.
-    assert running._timer is None
+    assert session.current().timer is None
 
 
 def test_loading_a_file_ends_the_job(going):
@@ -151,8 +156,8 @@ def test_quitting_does_not_wait_for_the_job():
         "job = util.module_from_spec(spec); spec.loader.exec_module(job)\n"
         "started = threading.Event()\n"
         "work = lambda progress: (started.set(), threading.Event().wait())\n"
-        "job.start(work, KeyError)\n"
-        "assert started.wait(20) and job.current() is not None\n"
+        "job.Job(work, KeyError)\n"
+        "assert started.wait(20)\n"
     )
     command = [sys.executable, "-c", program, job.__file__]
     assert subprocess.run(command, timeout=60).returncode == 0
@@ -168,7 +173,7 @@ def test_the_status_bar_shows_the_job_and_is_given_back(window):
     operator = started(window, solve)
     for _ in range(400):
         operator.modal(window, TIMER)
-        if job.current().step is not None:
+        if session.running().step is not None:
             break
         time.sleep(0.01)
     window.workspace.status_text_set.assert_called_with(running.draw_status)
@@ -218,6 +223,6 @@ def test_an_error_of_the_delivery_is_reported(window):
 def test_a_wrong_request_starts_nothing(window):
     operator = Operator()
     operator.asked = errors.ReconstructionError("Add photos of one person first")
-    assert operator.invoke(window, None) == {"CANCELLED"}
-    assert job.current() is None
+    assert operator.start(window) == {"CANCELLED"}
+    assert session.running() is None
     window.window_manager.event_timer_add.assert_not_called()

@@ -1,8 +1,9 @@
 """Cameras, lights and material: what is placed, and that nothing is left behind."""
 
+import dataclasses
 import json
 import struct
-from unittest.mock import MagicMock
+from types import SimpleNamespace
 
 import bpy
 import cv2
@@ -19,6 +20,7 @@ face_file = load("bsface_addon.face_file")
 lights = load("bsface_addon.lights")
 material = load("bsface_addon.material")
 surface_object = load("bsface_addon.surface_object")
+Map = load("bsface_addon.maps").Map
 
 
 def everything():
@@ -173,9 +175,7 @@ def test_a_second_face_gets_its_own_collection(empty_scene, tmp_path):
 
 @pytest.mark.parametrize("fault", ["camera", "light", "map"])
 @pytest.mark.parametrize("update", [False, True])
-def test_a_failure_leaves_the_scene_as_it_was(
-    empty_scene, tmp_path, monkeypatch, fault, update
-):
+def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, update):
     result = faces.reconstruction(tmp_path)
     face = scene.place(bpy.context, result, "Ann") if update else None
     mesh = bpy.data.meshes.new("other")
@@ -189,17 +189,17 @@ def test_a_failure_leaves_the_scene_as_it_was(
     bpy.ops.object.mode_set(mode="EDIT")
     before = everything()
 
-    def fail(*_):
-        raise RuntimeError("no")
-
-    module, name = {
-        "camera": (cameras, "background"),
-        "light": (lights, "switch"),
-        "map": (material, "store_map"),
-    }[fault]
-    monkeypatch.setattr(module, name, fail)
-    with pytest.raises(RuntimeError, match="no"):
-        scene.place(bpy.context, result, "Ann", face=face, maps={"PHOTO": MagicMock()})
+    # Each comes after all that is placed before it.
+    maps = {}
+    if fault == "camera":
+        result = dataclasses.replace(result, cameras=result.cameras[:2])
+    elif fault == "light":
+        few = SimpleNamespace(lights=result.photometric.lights[:2])
+        result = dataclasses.replace(result, photometric=few)
+    else:
+        maps = {"NO SUCH MAP": Map(np.zeros((4, 4, 3)))}
+    with pytest.raises((ValueError, KeyError)):
+        scene.place(bpy.context, result, "Ann", face=face, maps=maps)
     assert everything() == before
     assert bpy.context.view_layer.objects.active == other and other.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")

@@ -47,7 +47,7 @@ def test_refit_starts_from_the_edited_net_and_holds_what_moved(face, solved):
     (request,) = solved
     np.testing.assert_array_equal(request.start.control_points, edited)
     assert request.settings.control_points == edited.shape[:2]
-    assert request.held.sum() == 1 and request.held[3, 4]
+    assert request.constraint.points.sum() == 1 and request.constraint.points[3, 4]
     assert [obj for obj in bpy.data.objects if scene.is_face(obj)] == [face]
     # The run is now what counts as solved.
     assert not face_file.moved(face).any()
@@ -56,10 +56,11 @@ def test_refit_starts_from_the_edited_net_and_holds_what_moved(face, solved):
 def test_refit_holds_the_selection_or_nothing(face, solved):
     face.data.splines[0].points[5 * 16 + 2].select = True
     bpy.ops.bsface.surface_refit(hold="SELECTED", softness=0)
-    assert solved[0].held[2, 5] and solved[0].held.sum() == 1
-    assert solved[0].softness_mm == 0
+    held = solved[0].constraint
+    assert held.points[2, 5] and held.points.sum() == 1
+    assert held.softness_mm == 0
     bpy.ops.bsface.surface_refit(hold="NONE")
-    assert solved[1].held is None
+    assert solved[1].constraint is None
 
 
 def test_refit_finds_the_photos_without_the_list(face, solved, tmp_path):
@@ -68,6 +69,7 @@ def test_refit_finds_the_photos_without_the_list(face, solved, tmp_path):
     assert [path.name for path in solved[0].photos] == ["0.png", "1.png", "2.png"]
     for path in (tmp_path / "photos").iterdir():
         path.unlink()
+    bpy.ops.bsface.photos_clear()
     with pytest.raises(RuntimeError, match="not where they were"):
         bpy.ops.bsface.surface_refit()
 
