@@ -8,8 +8,6 @@ those in the file, because the artist may have moved them.
 from __future__ import annotations
 
 import io
-import tempfile
-from pathlib import Path
 
 import numpy as np
 
@@ -22,49 +20,32 @@ MOVED_MM = 1e-3
 
 def keep(face, result):
     """Store what the core's file of a reconstruction would hold."""
-    from ..core.formats.face_file import contents, npz_bytes
+    from ..core.formats.face_file import face_bytes
 
     if KEY in face:
         # Blender cuts bytes at the first zero when they replace others.
         del face[KEY]
-    face[KEY] = npz_bytes(contents(result))
+    face[KEY] = face_bytes(result)
 
 
 def saved(face, key=None):
-    """The core's SavedFace with the control points of the object as they are.
+    """The core's Reconstruction with the control points of the object as they are.
 
     Parameters
     ----------
     key : str, optional
         Shape key to take the control points from.
     """
-    from ..core.formats.face_file import read_npz
+    from ..core.formats.face_file import read_face
+    from ..core.surface.bspline import BSplineSurface
 
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "face.npz"
-        path.write_bytes(_bytes(face, surface_object.read(face, key)))
-        return read_npz(path)
+    stored = read_face(io.BytesIO(face[KEY]), face.name)
+    return stored.with_surface(BSplineSurface(surface_object.read(face, key)))
 
 
 def write(path, face):
     """Write the face file of an object."""
-    from ..core.files import write_bytes
-
-    return write_bytes(path, _bytes(face, surface_object.read(face)))
-
-
-def _bytes(face, points):
-    from ..core.formats.face_file import npz_bytes
-
-    with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
-    count_u, count_v = points.shape[:2]
-    arrays["control_points"] = points
-    arrays["knots_u"] = np.arange(count_u + 4.0)
-    arrays["knots_v"] = np.arange(count_v + 4.0)
-    if arrays.get("confidence", points).shape[:2] != (count_u, count_v):
-        del arrays["confidence"]
-    return npz_bytes(arrays)
+    return saved(face).save(path)
 
 
 def surface(face, key=None):
@@ -85,5 +66,5 @@ def moved(face):
 
 
 def outline(face):
-    """The face's outline in (u, v), (k, 2), or None where it is not known."""
-    return saved(face).outline_uv
+    """The face's outline in (u, v), (k, 2)."""
+    return saved(face).template.outline_uv

@@ -61,9 +61,9 @@ def hide(face):
 def _points(face, mixture):
     import numpy as np
 
-    from ..core.solve.known_face import personalise_landmarks
+    from ..core.solve.known_face import known_face
     from ..core.surface.template import load_template
 
     surface = face_file.surface(face)
-    known = personalise_landmarks(surface, load_template().resampled(surface.shape))
+    known = known_face(surface, load_template().resampled(surface.shape))
     return known.with_expression(np.array(mixture)).control_points

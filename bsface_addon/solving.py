@@ -13,12 +13,12 @@ from ..core.camera.linear_pose import linear_pose
 from ..core.errors import ReconstructionError
 from ..core.landmarks.all_faces import faces_in
 from ..core.landmarks.landmarks import Landmarks
-from ..core.prepare import PhotoCollection, collect_photos
+from ..core.prepare import Inputs, collect_photos
+from ..core.problem import PhotoCollection
 from ..core.progress import Progress, Step
 from ..core.reconstruct import reconstruct
 from ..core.result import Reconstruction
 from ..core.settings import Settings
-from ..core.solve.constraint import Constraint, edited_template, hold
 from ..core.surface.template import load_template
 from ..core.texture.bake import Texture, bake_texture
 from .maps import Map, all_maps
@@ -84,9 +84,8 @@ class Solver:
         found = collect_photos(
             request.photos,
             request.settings,
+            Inputs(landmarks=request.landmarks, ignore=request.ignore),
             progress,
-            ignore=request.ignore,
-            landmarks=request.landmarks or None,
         )
         return Detection(found, _hints(found))
 
@@ -118,33 +117,15 @@ def _reconstruct(request: Request, progress: Progress | None) -> Reconstruction:
         if progress is not None:
             progress(replace(step, overall=step.overall * SOLVE_SHARE))
 
-    template = held = None
-    if request.start is not None:
-        template = edited_template(request.start, load_template())
-    if request.constraint is not None:
-        kept = request.constraint
-        held = Constraint(kept.points, kept.softness_mm)
-    result = reconstruct(
+    return reconstruct(
         request.photos,
         request.settings,
-        template=template,
+        template=request.start,
         progress=tell,
         ignore=request.ignore,
-        landmarks=request.landmarks or None,
-        held=held,
+        landmarks=request.landmarks,
+        constraint=request.constraint,
     )
-    if held is not None and request.start is not None:
-        # Size and place of the result are its own; the held points' are the object's.
-        surface = hold(
-            result.surface,
-            request.start.control_points,
-            held.points,
-            held.softness_mm,
-            request.settings.smooth_mm,
-            request.settings.smooth_length,
-        )
-        result = replace(result, surface=surface)
-    return result
 
 
 def _texture(

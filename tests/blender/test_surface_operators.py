@@ -212,7 +212,7 @@ def test_face_file_has_the_control_points_of_the_object(face, tmp_path):
     b[2, 3] += (4, 5, 6)
     surface_object.write(bpy.context, face, b)
     bpy.ops.bsface.export(filepath=str(tmp_path / "ann.npz"))
-    saved = formats.read_npz(tmp_path / "ann.npz")
+    saved = formats.load_face(tmp_path / "ann.npz")
     np.testing.assert_array_equal(saved.control_points, points(face))
     assert [row["status"] for row in saved.report][:3] == ["used"] * 3
     assert len(saved.cameras) == 3
