@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 from bsface.surface.bspline import BSplineSurface
 
@@ -206,7 +207,7 @@ def person_folder(
     import json
 
     from bsface.camera.camera import Camera
-    from bsface.drawing import pictures, render
+    from bsface.drawing import render
     from bsface.drawing.rasterize import rasterize
     from bsface.images.colour import to_picture
     from bsface.photometry import harmonics
@@ -235,7 +236,7 @@ def person_folder(
         picture[raster.covered] = colour * shading[:, None]
         picture += rng.normal(0, 0.004, picture.shape)
         path = folder / f"{index}.png"
-        pictures.write_png(path, to_picture(picture))
+        cv2.imwrite(str(path), to_picture(picture)[..., ::-1])
         points = camera.project(template.landmark_xyz)
         points += rng.normal(0, 0.3, points.shape)
         text = json.dumps(

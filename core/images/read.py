@@ -12,18 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import PhotoFailure
-from .decode import MAX_PIXELS, MIN_SIDE, decode, file_bytes, judge_header
+from .decode import LIMITS, MIN_SIDE, Limits, decode, file_bytes, judge_header
 from .header import read_header
 from .photo import Photo
 from .png import plain_png
 
-# Above this many pixels the picture is decoded at half, a quarter or an eighth
-# of its size: a face that fills a sixth of 16 megapixels still has 650 pixels.
-FULL_SIZE_PIXELS = 16_000_000
-
 
 def read_photo(
-    source: str | os.PathLike | np.ndarray, name: str | None = None
+    source: str | os.PathLike | np.ndarray,
+    name: str | None = None,
+    limits: Limits = LIMITS,
 ) -> Photo | PhotoFailure:
     """One picture, turned upright by its EXIF tag, as three RGB channels.
 
@@ -37,6 +35,7 @@ def read_photo(
         An array is RGB, sRGB-encoded: uint8, uint16, or floats in [0, 1].
     name : str, optional
         The name in reports; by default the file's own.
+    limits : Limits, optional
 
     Returns
     -------
@@ -44,20 +43,18 @@ def read_photo(
         A failure has the code ``"unreadable"`` or ``"too_large"``.
     """
     if isinstance(source, np.ndarray):
-        return _from_array(source, name or "picture")
+        return _from_array(source, name or "picture", limits)
     path = Path(source)
     name = name or path.name
-    data = file_bytes(path, name)
+    data = file_bytes(path, name, limits)
     if isinstance(data, PhotoFailure):
         return data
     header = read_header(data)
-    failure = judge_header(header, name)
+    failure = judge_header(header, name, limits)
     if failure is not None:
         return failure
     assert header is not None
-    reduction = 1
-    while reduction < 8 and header.pixels / reduction**2 > FULL_SIZE_PIXELS:
-        reduction *= 2
+    reduction = limits.reduction(header.pixels)
     whole = plain_png(data) if header.format == "PNG" else data
     pixels = None if whole is None else decode(whole, reduction)
     if pixels is None:
@@ -86,7 +83,7 @@ def _reduced(width: int, height: int, reduction: int) -> tuple[int, int]:
     return -(-width // reduction), -(-height // reduction)
 
 
-def _from_array(array: np.ndarray, name: str) -> Photo | PhotoFailure:
+def _from_array(array: np.ndarray, name: str, limits: Limits) -> Photo | PhotoFailure:
     def bad(what: str) -> PhotoFailure:
         return PhotoFailure(
             name,
@@ -101,12 +98,12 @@ def _from_array(array: np.ndarray, name: str) -> Photo | PhotoFailure:
         return bad(f"has the shape {array.shape}")
     if min(array.shape[:2]) < MIN_SIDE:
         return bad(f"has only {array.shape[1]} x {array.shape[0]} pixels")
-    if array.shape[0] * array.shape[1] > MAX_PIXELS:
+    if array.shape[0] * array.shape[1] > limits.pixels:
         return PhotoFailure(
             name,
             "too_large",
             f"{name} has {array.shape[1]} x {array.shape[0]} pixels, more than "
-            f"{MAX_PIXELS // 10**6} megapixels; make it smaller.",
+            f"{limits.pixels // 10**6} megapixels; make it smaller.",
         )
     if np.issubdtype(array.dtype, np.floating):
         if not np.isfinite(array).all():

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from unittest import mock
 
 import cv2
 import numpy as np
@@ -22,7 +21,7 @@ from bsface.cli import info
 from bsface.cli.arguments import parse_settings
 from bsface.errors import PhotoFailure, ReconstructionError
 from bsface.formats.face_file import contents, npz_bytes, read_npz, to_json
-from bsface.images import decode as image_file
+from bsface.images.decode import Limits, judge_header
 from bsface.images.header import read_header
 from bsface.images.read import read_photo
 from bsface.landmarks.landmarks import (
@@ -42,7 +41,7 @@ from mutations import inside_zip, mutated  # noqa: E402
 from pictures_for_tests import animated, cmyk, palette  # noqa: E402
 
 # Mutated headers claim pictures of any size; decoding large ones is only slow.
-MOST_PIXELS = 1_000_000
+LIMITS = Limits(pixels=1_000_000)
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ def _header(data: bytes) -> bool:
     if header is None:
         return False
     assert header.bytes_per_pixel >= 0
-    failure = image_file.judge_header(header, "a.jpg")
+    failure = judge_header(header, "a.jpg")
     if failure is not None:
         sentence(failure.reason)
     return failure is None
@@ -129,8 +128,7 @@ def _header(data: bytes) -> bool:
 
 def _photo(data: bytes) -> bool:
     path = _file("photo.jpg", data)
-    with mock.patch.object(image_file, "MAX_PIXELS", MOST_PIXELS):
-        photo = read_photo(path)
+    photo = read_photo(path, limits=LIMITS)
     if isinstance(photo, PhotoFailure):
         sentence(photo.reason)
         return False
