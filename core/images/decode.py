@@ -17,7 +17,7 @@ import numpy as np
 
 from .._types import Picture8
 from ..errors import PhotoFailure, out_of_memory
-from .header import READABLE, ImageHeader
+from .header import OPTIONAL, READABLE, ImageHeader
 
 MIN_SIDE = 32
 
@@ -114,13 +114,15 @@ def judge_header(
             "unreadable",
             f"{name} is not a picture, whatever its name says; remove it.",
         )
-    if header.format not in READABLE:
+    if header.format not in READABLE | OPTIONAL:
         return PhotoFailure(
             name,
             "unreadable",
             f"{name} is a {header.format} picture, which cannot be read here; "
             "export it as JPEG or PNG.",
         )
+    if header.format in OPTIONAL and header.pixels == 0:
+        return damaged(name)
     if min(header.width, header.height) < MIN_SIDE:
         return PhotoFailure(
             name,
@@ -137,6 +139,12 @@ def judge_header(
             f"read ({limits.pixels // 10**6} megapixels of 8 bits); save it smaller.",
         )
     return None
+
+
+def damaged(name: str) -> PhotoFailure:
+    """The failure of a file that begins well."""
+    why = f"{name} is damaged or cut short; copy or export it again."
+    return PhotoFailure(name, "unreadable", why)
 
 
 def decode(data: Picture8, reduction: int) -> np.ndarray | None:

@@ -11,9 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from .._types import Picture8
 from ..errors import PhotoFailure
-from .decode import LIMITS, MIN_SIDE, Limits, decode, file_bytes, judge_header
-from .header import read_header
+from .codecs import MissingPackage, decode_optional
+from .convert import to_srgb
+from .decode import LIMITS, MIN_SIDE, Limits, damaged, decode, file_bytes, judge_header
+from .embedded import embedded_profile
+from .header import OPTIONAL, ImageHeader, read_header
+from .icc import ProfileError
 from .photo import Photo
 from .png import plain_png
 
@@ -55,28 +60,53 @@ def read_photo(
         return failure
     assert header is not None
     reduction = limits.reduction(header.pixels)
-    whole = plain_png(data) if header.format == "PNG" else data
-    pixels = None if whole is None else decode(whole, reduction)
-    if pixels is None:
+    try:
+        pixels = _pixels(data, header.format, reduction)
+    except MissingPackage:
         return PhotoFailure(
             name,
             "unreadable",
-            f"{name} is damaged or cut short; copy or export it again.",
+            f"{name} is a picture of the format {header.format}, which needs optional "
+            "packages; run `pip install 'bsface[heic]'`, or export it as JPEG or PNG.",
         )
+    if pixels is None:
+        return damaged(name)
     if pixels.dtype not in (np.uint8, np.uint16):
         return PhotoFailure(
             name,
             "unreadable",
             f"{name} stores {pixels.dtype} samples; save it with 8 or 16 bits.",
         )
-    width, height = header.width, header.height
-    # Decoding turned the picture as EXIF says; the header speaks of the unturned.
-    h, w = pixels.shape[:2]
-    if (w, h) != _reduced(width, height, reduction) and (h, w) == _reduced(
-        width, height, reduction
-    ):
-        width, height = height, width
-    return Photo(name, path, (width, height), pixels, (0.0, 0.0, 1.0 / reduction))
+    note = ""
+    try:
+        profile = embedded_profile(data, header.format)
+    except ProfileError as error:
+        note = f"read as sRGB: {error}"
+    else:
+        pixels = pixels if profile is None else to_srgb(pixels, profile)
+    size = _original_size(header, pixels.shape, reduction)
+    return Photo(name, path, size, pixels, (0.0, 0.0, 1.0 / reduction), note)
+
+
+def _pixels(data: Picture8, kind: str, reduction: int) -> np.ndarray | None:
+    if kind in OPTIONAL:
+        return decode_optional(data, kind, reduction)
+    whole = plain_png(data) if kind == "PNG" else data
+    return None if whole is None else decode(whole, reduction)
+
+
+def _original_size(
+    header: ImageHeader, shape: tuple[int, ...], reduction: int
+) -> tuple[int, int]:
+    """Width and height of the turned original; the header's are of the unturned.
+
+    A HEIF picture may also be cut by its own box, of which the header says nothing.
+    """
+    shown = (shape[1], shape[0])
+    for size in ((header.width, header.height), (header.height, header.width)):
+        if shown == _reduced(*size, reduction):
+            return size
+    return shown[0] * reduction, shown[1] * reduction
 
 
 def _reduced(width: int, height: int, reduction: int) -> tuple[int, int]:

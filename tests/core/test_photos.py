@@ -206,7 +206,11 @@ def bad_files() -> dict[str, tuple[bytes, str, str]]:
         "16-bit bomb": (png_header(13000, 13000, 16, 6), "too_large", "13000"),
         "no width": (png_header(0, 100), "unreadable", "0 x 100"),
         "gif": (GIF, "unreadable", "GIF"),
-        "heic": (b"\0\0\0\x18ftypheic" + b"\0" * 50, "unreadable", "HEIC"),
+        "heic without content": (
+            b"\0\0\0\x18ftypheic" + b"\0" * 50,
+            "unreadable",
+            "damaged",
+        ),
         "float": (
             encoded(".tif", np.ones((40, 40, 3), np.float32)),
             "unreadable",
