@@ -35,6 +35,7 @@ ROOMS = [
     "solve",
     "result",
     "photo_reports",
+    "rig",
     "drawing",
     "compare",
     "texture",
