@@ -37,6 +37,7 @@ ROOMS = [
     "solve",
     "result",
     "finish",
+    "rig",
     "drawing",
     "texture",
     "compare",
