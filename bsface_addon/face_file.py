@@ -11,8 +11,13 @@ import io
 import tempfile
 from pathlib import Path
 
+import bpy
 import numpy as np
 
+from ..core._types import Array, Mask
+from ..core.formats.face_file import face_arrays, load_face, npz_bytes
+from ..core.result import Reconstruction
+from ..core.surface.bspline import BSplineSurface
 from . import surface_object
 
 KEY = "bsface_file"
@@ -20,70 +25,42 @@ KEY = "bsface_file"
 MOVED_MM = 1e-3
 
 
-def keep(face, result):
-    """Store what the core's file of a reconstruction would hold."""
-    from ..core.formats.face_file import contents, npz_bytes
-
+def keep(face: bpy.types.Object, result: Reconstruction) -> None:
+    """Store what the core's file of a reconstruction would hold, without a date."""
     if KEY in face:
         # Blender cuts bytes at the first zero when they replace others.
         del face[KEY]
-    face[KEY] = npz_bytes(contents(result))
+    face[KEY] = npz_bytes(face_arrays(result, ""))
 
 
-def saved(face, key=None):
-    """The core's SavedFace with the control points of the object as they are.
-
-    Parameters
-    ----------
-    key : str, optional
-        Shape key to take the control points from.
-    """
-    from ..core.formats.face_file import read_npz
-
+def saved(face: bpy.types.Object) -> Reconstruction:
+    """What is known of the run, with the control points of the object as they are."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "face.npz"
-        path.write_bytes(_bytes(face, surface_object.read(face, key)))
-        return read_npz(path)
+        path.write_bytes(face[KEY])
+        return load_face(path).with_surface(surface(face))
 
 
-def write(path, face):
-    """Write the face file of an object."""
-    from ..core.files import write_bytes
-
-    return write_bytes(path, _bytes(face, surface_object.read(face)))
-
-
-def _bytes(face, points):
-    from ..core.formats.face_file import npz_bytes
-
-    with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
-    count_u, count_v = points.shape[:2]
-    arrays["control_points"] = points
-    arrays["knots_u"] = np.arange(count_u + 4.0)
-    arrays["knots_v"] = np.arange(count_v + 4.0)
-    if arrays.get("confidence", points).shape[:2] != (count_u, count_v):
-        del arrays["confidence"]
-    return npz_bytes(arrays)
-
-
-def surface(face, key=None):
-    """The object's control points as the core's BSplineSurface."""
-    from ..core.surface.bspline import BSplineSurface
-
+def surface(face: bpy.types.Object, key: str | None = None) -> BSplineSurface:
+    """The object's control points, or those of a shape key, as a surface in mm."""
     return BSplineSurface(surface_object.read(face, key))
 
 
-def moved(face):
-    """Control points that are not where the last run put them, (M, N) bool array."""
+def moved(face: bpy.types.Object) -> Mask:
+    """Control points that are not where the last run put them, (M, N)."""
     points = surface_object.read(face)
-    with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
-        solved = archive["control_points"]
+    solved = _stored(face, "control_points")
     if solved.shape != points.shape:
         return np.zeros(points.shape[:2], bool)  # resampled since
     return np.linalg.norm(points - solved, axis=2) > MOVED_MM
 
 
-def outline(face):
-    """The face's outline in (u, v), (k, 2), or None where it is not known."""
-    return saved(face).outline_uv
+def outline(face: bpy.types.Object) -> Array:
+    """The face's outline in (u, v), (k, 2)."""
+    return _stored(face, "outline_uv")
+
+
+def _stored(face: bpy.types.Object, name: str) -> Array:
+    """One array of the face file, without reading the others."""
+    with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
+        return archive[name]

@@ -80,7 +80,7 @@ def reconstruct(options):
     import bpy
 
     from ..core.errors import ReconstructionError
-    from ..core.images.photo import list_photos
+    from ..core.images.folder import list_photos
     from . import arguments, scene, session
     from .apply_result import apply_result
     from .console import Console
@@ -124,10 +124,12 @@ def info(options):
 
     path = _existing(options.file)
     if path.suffix.lower() == ".npz":
-        from ..core.formats.face_file import read_npz
+        from ..core.formats import load_face
+        from ..core.json_text import plain
 
-        saved = read_npz(path)
-        found = [_summary(path.stem, saved.surface.shape, saved.report, saved.settings)]
+        saved = load_face(path)
+        reports, settings = plain(saved.reports), saved.settings.to_dict()
+        found = [_summary(path.stem, saved.surface.shape, reports, settings)]
     else:
         _open(bpy, path)
         found = [
@@ -157,9 +159,9 @@ def export(options):
     path, target = _existing(options.file), Path(options.out)
     trimmed = not options.untrimmed
     if path.suffix.lower() == ".npz":
-        from ..core.formats.face_file import read_npz
+        from ..core.formats import load_face
 
-        face = read_npz(path)
+        face = load_face(path)
         written = write(target, face, trimmed=trimmed, tolerance=options.tolerance)
         return _wrote(written)
     _open(bpy, path)
@@ -225,9 +227,7 @@ def _write(bpy, output, outcome, options):
             filepath=str(temporary.resolve()), compress=True, relative_remap=False
         )
     if options.npz:
-        from ..core.formats.face_file import write_npz
-
-        written.append(write_npz(options.npz, outcome.result))
+        written.append(outcome.result.save(options.npz))
     if options.report:
         from ..core.report.report import write_report
 

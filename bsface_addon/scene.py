@@ -15,6 +15,7 @@ import bpy
 from mathutils import Quaternion, Vector
 
 from ..core.errors import ReconstructionError
+from ..core.json_text import to_json
 from . import (
     cameras,
     face_file,
@@ -233,8 +234,6 @@ def _add_lights(face, result, own):
 
 
 def _write_facts(face, result):
-    from ..core.json_text import to_json
-
     face[SETTINGS] = to_json(result.settings.to_dict())
     face[REPORT] = to_json(list(result.reports))
     face[WARNINGS] = to_json(list(result.warnings))

@@ -101,7 +101,7 @@ class BSFACE_OT_expression_key(FaceOperator, LongOperator, bpy.types.Operator):
         face = scene.active_face(context)
         if face is None:
             raise ReconstructionError(messages.NO_FACE_OBJECT)
-        from ...core.solve.constraint import expression_of
+        from ...core.solve.expression import expression_of
         from ...core.surface.template import load_template
 
         moved = expression_of(outcome.result.surface, request.start, load_template())

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import PhotoFailure
-from ..prepare import _Reader
+from ..progress import never_cancelled
+from ..settings import Settings
 from ..surface.template import Template, load_template
+from .candidates import CandidateReader
 from .face_models import ModelFiles
 from .landmarks import Landmarks
-
-if TYPE_CHECKING:
-    from ..settings import Settings
 
 
 def faces_in(
@@ -48,9 +47,9 @@ def faces_in(
     ReconstructionError
         If the model files are missing.
     """
-    scheme = getattr(settings, "landmarks", "468")
-    reader = _Reader(template or load_template(), scheme, True, {}, models)
-    found = reader.read(source, name, lambda: None)
+    settings = replace(settings or Settings(), detector=True)
+    reader = CandidateReader(template or load_template(), settings, {}, models)
+    found = reader.read(source, name, never_cancelled)
     if isinstance(found, PhotoFailure):
         return found
     faces = [candidate.landmarks for candidate in found]

@@ -44,7 +44,8 @@ def reprojection(face):
     rows = {row.name: row for row in bpy.context.scene.bsface.photos}
     ways = []
     views = {view[cameras.PHOTO_KEY]: view for view in cameras.of_face(face)}
-    for name, core in zip(saved.camera_photos, saved.cameras, strict=True):
+    for photo, core in zip(saved.photos, saved.cameras, strict=True):
+        name = photo.name
         cameras.look_through(bpy.context, views[name])
         bpy.context.view_layer.update()
         width, height = views[name][cameras.SIZE_KEY]
