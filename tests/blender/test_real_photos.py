@@ -39,7 +39,9 @@ def reprojection(face):
     template = load("core.surface.template").load_template()
     surface, saved = face_file.surface(face), face_file.saved(face)
     uv = template.landmark_uv
-    world = [face.matrix_world @ Vector(q) for q in surface.evaluate(*uv.T)]
+    world = [
+        surface_object.world_frame(face) @ Vector(q) for q in surface.evaluate(*uv.T)
+    ]
     normals = surface.normals(*uv.T)
     rows = {row.name: row for row in bpy.context.scene.bsface.photos}
     ways = []

@@ -168,7 +168,8 @@ def drawn(face, steps):
     """The surface as Blender shows it, on a grid."""
     surface_object.set_resolution(face, steps)
     found = face.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
-    return np.array([vertex.co for vertex in found.vertices])
+    local = np.array([vertex.co for vertex in found.vertices])
+    return surface_object.from_local(face, local)
 
 
 def test_a_photo_shows_its_own_expression_and_the_calm_face_comes_back(mixed):
