@@ -22,7 +22,8 @@ from _methods import run
 from _sets import FaceSet, each_set, load_measure, load_set, score
 from _table import averages, text_table, write_csv
 from bsface.photometry.lighting import robust_weights
-from bsface.prepare import PhotoCollection, collect_photos
+from bsface.prepare import collect_photos
+from bsface.problem import PhotoCollection
 from bsface.settings import Settings
 from bsface.surface.template import Template, load_template
 

@@ -18,7 +18,7 @@ from bsface.landmarks.face_mesh import (
     RIGHT_EYE_OUTER,
 )
 from bsface.landmarks.face_models import find_models, load_network
-from bsface.prepare import PhotoCollection
+from bsface.problem import PhotoCollection
 from bsface.surface.alignment import EYE_CORNERS, fit_similarity
 from bsface.surface.template import Template
 from numpy.typing import NDArray

@@ -13,7 +13,8 @@ from _sets import GIVEN_TEMPLATE
 from bsface.camera.camera import Camera
 from bsface.camera.linear_pose import linear_pose
 from bsface.errors import ReconstructionError
-from bsface.prepare import PhotoCollection
+from bsface.prepare import make_problem
+from bsface.problem import PhotoCollection
 from bsface.reconstruct import solve
 from bsface.result import Reconstruction
 from bsface.settings import Settings
@@ -84,7 +85,7 @@ def run(
         else:
             if name != "default":
                 settings = replace(settings, method=name)
-            result = solve(collection, settings, template)
+            result = solve(make_problem(collection, template, settings))
             face = surface_face(result.surface, template)
     except (ReconstructionError, ValueError, np.linalg.LinAlgError) as error:
         return Outcome(None, time.perf_counter() - started, str(error))

@@ -74,7 +74,7 @@ def job(folder: str, net: int = 0) -> list[dict]:
 def nets(folder: str, sizes: str) -> list[dict]:
     """Everything after the landmarks, for several nets."""
     from bsface import Settings
-    from bsface.prepare import collect_photos
+    from bsface.prepare import collect_photos, make_problem
     from bsface.reconstruct import solve
     from bsface.surface.template import load_template
 
@@ -84,7 +84,7 @@ def nets(folder: str, sizes: str) -> list[dict]:
         settings = Settings(control_points=(size, size))
         template = load_template().resampled((size, size))
         start = time.process_time(), time.perf_counter()
-        solve(collection, settings, template)
+        solve(make_problem(collection, template, settings))
         cpu, wall = time.process_time() - start[0], time.perf_counter() - start[1]
         found.append({"stage": "solve", "net": size, "cpu": cpu, "wall": wall})
     return found

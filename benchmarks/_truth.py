@@ -16,7 +16,7 @@ import numpy as np
 from _sets import FaceSet
 from bsface.camera.camera import Camera
 from bsface.landmarks.landmarks import Landmarks
-from bsface.prepare import PhotoCollection
+from bsface.problem import PhotoCollection
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.prior import ShapePrior
 from bsface.surface.template import Template

@@ -40,7 +40,8 @@ from _truth import (
     true_template,
 )
 from bsface.camera.camera import PARAMETERS, Camera
-from bsface.prepare import PhotoCollection, collect_photos
+from bsface.prepare import collect_photos
+from bsface.problem import PhotoCollection
 from bsface.reconstruct import joint_options, solve
 from bsface.settings import Settings
 from bsface.solve import motion as bundle_stage

@@ -46,7 +46,8 @@ from bsface.drawing.render import render_views
 from bsface.errors import ReconstructionError
 from bsface.files import write_bytes
 from bsface.images.colour import to_picture
-from bsface.prepare import PhotoCollection, collect_photos
+from bsface.prepare import collect_photos, make_problem
+from bsface.problem import PhotoCollection
 from bsface.reconstruct import solve
 from bsface.settings import Settings
 from bsface.surface.bspline import BSplineSurface
@@ -159,7 +160,7 @@ def halves(
             photos=tuple(collection.photos[i] for i in part),
             landmarks=tuple(collection.landmarks[i] for i in part),
         )
-        surface = solve(some, settings, template).surface
+        surface = solve(make_problem(some, template, settings)).surface
         mesh = procrustes_mean(meshes[part])
         mesh = scaled_to_eyes(mesh, template, settings.eye_distance_mm)
         found.append(Half(surface, mesh, part))
@@ -258,7 +259,7 @@ def views(
 ) -> None:
     """Write three views of a person, in clay above and with the mean texture below."""
     started = time.perf_counter()
-    result = solve(collection, settings, template)
+    result = solve(make_problem(collection, template, settings))
     texture = bake_texture(result, 1024)
     picture = to_picture(texture.mean)
     clay = render_views(result.surface, template)

@@ -8,14 +8,12 @@ those in the file, because the artist may have moved them.
 from __future__ import annotations
 
 import io
-import tempfile
-from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ..core._types import Array, Mask
-from ..core.formats.face_file import face_arrays, load_face, npz_bytes
+from ..core.formats.face_file import face_bytes, read_face
 from ..core.result import Reconstruction
 from ..core.surface.bspline import BSplineSurface
 from . import surface_object
@@ -26,19 +24,17 @@ MOVED_MM = 1e-3
 
 
 def keep(face: bpy.types.Object, result: Reconstruction) -> None:
-    """Store what the core's file of a reconstruction would hold, without a date."""
+    """Store what the core's file of a reconstruction would hold."""
     if KEY in face:
         # Blender cuts bytes at the first zero when they replace others.
         del face[KEY]
-    face[KEY] = npz_bytes(face_arrays(result, ""))
+    face[KEY] = face_bytes(result)
 
 
 def saved(face: bpy.types.Object) -> Reconstruction:
     """What is known of the run, with the control points of the object as they are."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "face.npz"
-        path.write_bytes(face[KEY])
-        return load_face(path).with_surface(surface(face))
+    stored = read_face(io.BytesIO(face[KEY]), face.name)
+    return stored.with_surface(surface(face))
 
 
 def surface(face: bpy.types.Object, key: str | None = None) -> BSplineSurface:

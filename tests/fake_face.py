@@ -7,12 +7,14 @@ that an output module derives from it can be checked.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
+from bsface.photometry.lighting import PhotometricEvidence
+from bsface.result import HistoryEntry, PhotoReport, Reconstruction
+from bsface.settings import Settings
 from bsface.surface.bspline import BSplineSurface
+from bsface.surface.template import Template, load_template
 
 
 def face_surface(shape: tuple[int, int] = (16, 18), nose: float = 12.0):
@@ -35,59 +37,14 @@ def ellipse_outline(count: int = 60) -> np.ndarray:
     return 0.5 + np.stack([0.44 * np.cos(angle), 0.46 * np.sin(angle)], axis=1)
 
 
-def face_template(surface: BSplineSurface | None = None) -> SimpleNamespace:
-    """What the outputs read of a template: its outline and its surface."""
-    return SimpleNamespace(
-        surface=surface or face_surface(nose=8.0),
+def face_template(surface: BSplineSurface | None = None) -> Template:
+    """The bundled template with a made-up surface and outline."""
+    surface = surface or face_surface(nose=8.0)
+    return replace(
+        load_template().resampled(surface.shape),
+        surface=surface,
         outline_uv=ellipse_outline(),
-        landmark_uv=np.stack(
-            np.meshgrid(np.linspace(0.2, 0.8, 6), np.linspace(0.2, 0.8, 5)), axis=-1
-        ).reshape(-1, 2),
-        schemes={"30": np.arange(30)},
     )
-
-
-@dataclass(frozen=True)
-class FakeSettings:
-    eye_distance_mm: float = 62.0
-    method: str = "joint"
-
-    def to_dict(self) -> dict[str, Any]:
-        return {"eye_distance_mm": self.eye_distance_mm, "method": self.method}
-
-
-@dataclass(frozen=True)
-class PhotoReport:
-    """The fields of ``bsface.reconstruct.PhotoReport``."""
-
-    name: str
-    status: str
-    reason: str
-    reprojection_pct: float
-    yaw: float
-    pitch: float
-    roll: float
-    residual: float
-    weight: float
-
-
-@dataclass(frozen=True)
-class FakeReconstruction:
-    """The fields of ``Reconstruction`` that outputs read."""
-
-    surface: BSplineSurface
-    template: Any
-    photos: tuple = ()
-    landmarks: tuple = ()
-    cameras: tuple = ()
-    photometric: Any = None
-    reports: tuple = ()
-    confidence: Any = None
-    settings: Any = field(default_factory=FakeSettings)
-    history: tuple = ()
-    warnings: tuple = ()
-    seconds: dict = field(default_factory=dict)
-    expressions: Any = None
 
 
 def skin_pattern(uv: np.ndarray) -> np.ndarray:
@@ -110,7 +67,7 @@ def other_skin(uv: np.ndarray) -> np.ndarray:
 
 def painted_reconstruction(
     count: int = 8, side: int = 200, seed: int = 2
-) -> FakeReconstruction:
+) -> Reconstruction:
     """Photos drawn of `skin_pattern` under one soft light each, poses known."""
     from bsface.camera.camera import Camera
     from bsface.drawing import render
@@ -151,44 +108,53 @@ def painted_reconstruction(
         name = f"{index:03d}.png"
         photos.append(Photo(name, None, (side, side), to_picture(picture)))
         cameras.append(camera)
-        points = np.zeros((468, 2))
-        points[: len(template.landmark_uv)] = camera.project(
-            surface.evaluate(*template.landmark_uv.T)
-        )
-        weight = (np.arange(468) < len(template.landmark_uv)).astype(float)
-        marks.append(Landmarks(name, "468", points, weight))
+        points = camera.project(surface.evaluate(*template.landmark_uv.T))
+        marks.append(Landmarks(name, "468", points, np.ones(468)))
         lights.append(light.mean(axis=1))
         turned = [float(a) for a in camera.yaw_pitch_roll]
         reports.append(PhotoReport(name, "used", "", 1.2, *turned, 0.05, 1.0))
     uv = rng.uniform(0.2, 0.8, (50, 2))
-    return FakeReconstruction(
+    return Reconstruction(
         surface=surface,
         template=template,
         photos=tuple(photos),
         landmarks=tuple(marks),
         cameras=tuple(cameras),
-        photometric=SimpleNamespace(
+        photometric=PhotometricEvidence(
             uv=uv,
             normals=surface.normals(*uv.T),
             albedo=skin_pattern(uv),
             lights=np.array(lights),
             weights=np.ones((count, 50)),
+            residual=np.zeros((count, 50)),
             singular_values=np.array([9.0, 3.0, 1.5, 0.8, 0.2, 0.1]),
         ),
         reports=tuple(reports),
-        confidence=np.full(surface.shape, 0.4),
-        history=tuple(
-            {"stage": "refine", "level": 0, "residual": 0.1 / (k + 1)} for k in range(5)
-        ),
+        deviation=np.full(surface.shape, 0.4),
+        settings=Settings(),
+        expressions=np.zeros((count, len(template.expression_modes))),
+        history=tuple(HistoryEntry("refine", 0.1 / (k + 1), 0.5) for k in range(5)),
         warnings=("All photos were taken from the front; add some from the side.",),
         seconds={"photos": 1.5, "refine": 3.0},
     )
 
 
-def bare_reconstruction() -> FakeReconstruction:
+def bare_reconstruction() -> Reconstruction:
     """Only what every reconstruction has."""
     surface = face_surface()
-    return FakeReconstruction(surface=surface, template=face_template(surface))
+    template = face_template()
+    return Reconstruction(
+        surface=surface,
+        template=template,
+        photos=(),
+        landmarks=(),
+        cameras=(),
+        photometric=None,
+        reports=(),
+        deviation=None,
+        settings=Settings(),
+        expressions=np.zeros((0, len(template.expression_modes))),
+    )
 
 
 def person_folder(

@@ -31,9 +31,9 @@ from scipy.spatial import cKDTree
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from core.solve.constraint import edited_template  # noqa: E402
 from core.surface.alignment import fit_similarity  # noqa: E402
 from core.surface.bspline import BSplineSurface, basis_matrix  # noqa: E402
+from core.surface.edited import edited_template  # noqa: E402
 from core.surface.prior import shape_prior  # noqa: E402
 from core.surface.template import BUNDLED, Template, load_template  # noqa: E402
 

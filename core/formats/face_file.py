@@ -48,7 +48,7 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -97,8 +97,13 @@ def save_face(
     if not path.suffix:
         path = path.with_suffix(".npz")
     with replacing(path) as temporary:
-        temporary.write_bytes(npz_bytes(face_arrays(face, date or _now())))
+        temporary.write_bytes(face_bytes(face, date))
     return path
+
+
+def face_bytes(face: Reconstruction, date: str | None = None) -> bytes:
+    """The bytes of a face file; see `Reconstruction.save`."""
+    return npz_bytes(face_arrays(face, date or _now()))
 
 
 def face_arrays(face: Reconstruction, date: str) -> Arrays:
@@ -207,10 +212,9 @@ def load_face(
     """
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"path must be the path of a face file, not {path!r:.60}.")
-    path = Path(path)
     try:
-        with path.open("rb") as file:
-            arrays = read_arrays(file, MAX_BYTES)
+        with open(path, "rb") as file:
+            return read_face(file, os.fspath(path), template)
     except FileNotFoundError:
         raise ReconstructionError(
             f"{path}: there is no such file; give the .npz of a reconstruction."
@@ -220,6 +224,13 @@ def load_face(
         raise ReconstructionError(
             f"{path}: not a readable .npz file ({why}); write it again with bsface."
         ) from None
+
+
+def read_face(
+    file: BinaryIO, path: str, template: Template | None = None
+) -> Reconstruction:
+    """As `load_face`, from an open file; ``path`` is its name in messages."""
+    arrays = read_arrays(file, MAX_BYTES)
     promised = ("control_points", "knots_u", "knots_v", "settings", "report")
     missing = [name for name in promised if name not in arrays]
     if missing:

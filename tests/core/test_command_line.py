@@ -8,9 +8,8 @@ import sys
 
 import numpy as np
 import pytest
-from bsface import Settings, __main__
+from bsface import Settings, __main__, load
 from bsface.errors import Cancelled, ReconstructionError
-from bsface.formats.face_file import read_npz
 from bsface.report import report
 from fake_face import person_folder
 
@@ -48,7 +47,7 @@ def test_photos_in_face_out(capsys, photos, tmp_path):
     assert code == 0
     assert printed == ""
     assert f"3 of 3 photos used; {out} written" in said
-    face = read_npz(out)
+    face = load(out)
     assert face.control_points.shape == (10, 11, 3)
     assert np.isfinite(face.control_points).all()
     assert face.settings["method"] == "motion"

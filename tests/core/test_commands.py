@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from bsface import __main__
 from bsface.batch import run as batch
-from bsface.formats.face_file import write_npz
 from fake_face import painted_reconstruction, person_folder
 
 QUICK = [
@@ -20,7 +19,7 @@ QUICK = [
 @pytest.fixture(scope="module")
 def face(tmp_path_factory):
     path = tmp_path_factory.mktemp("face") / "face.npz"
-    return write_npz(path, painted_reconstruction(count=2, side=60))
+    return painted_reconstruction(count=2, side=60).save(path)
 
 
 def run(capsys, *words) -> tuple[int, str, str]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from bsface import __main__ as command_line
 from bsface.cli import batch, export_face, info
-from bsface.errors import FAILURE_CODES
+from bsface.errors import FailureCode
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -135,7 +135,7 @@ def test_settings_named_in_commands_exist():
 
 def test_every_failure_code_is_explained():
     text = (DOCS / "troubleshooting.md").read_text("utf-8")
-    assert not [code for code in FAILURE_CODES if f"`{code}`" not in text]
+    assert not [code for code in FailureCode if f"`{code}`" not in text]
 
 
 def test_messages_on_the_page_are_those_of_the_code():

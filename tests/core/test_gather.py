@@ -12,7 +12,7 @@ from bsface.images.folder import list_photos
 from bsface.images.read import read_photo
 from bsface.landmarks.face_models import find_models
 from bsface.landmarks.landmarks import Landmarks, write_landmarks
-from bsface.prepare import collect_photos
+from bsface.prepare import Inputs, collect_photos
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 
@@ -162,7 +162,7 @@ def test_given_landmarks_win_over_files(folder, picture):
     save(folder / "a.png", picture)
     write_landmarks(folder / "a.pts", front_landmarks())
     given = front_landmarks("40", (190, 205))
-    found = collect_photos(folder, NO_DETECTOR, landmarks={"a.png": given})
+    found = collect_photos(folder, NO_DETECTOR, Inputs(landmarks={"a.png": given}))
     assert found.landmarks[0].source == "hand"
     np.testing.assert_array_equal(found.landmarks[0].points, given.points)
 
@@ -215,7 +215,7 @@ def test_dirty_folder(models, folder, picture):
     tiny = np.full((200, 200, 3), 90, np.uint8)
     tiny[60:140, 60:140] = cv2.resize(picture, (80, 80), interpolation=cv2.INTER_AREA)
     save(folder / "tiny.png", tiny)
-    found = collect_photos(folder, ignore=["set aside.png"])
+    found = collect_photos(folder, inputs=Inputs(ignore=["set aside.png"]))
     assert [photo.name for photo in found.photos] == ["a good one.png"]
     assert codes(found) == {
         "again.bmp": "duplicate",
@@ -249,10 +249,12 @@ def test_blurred_and_badly_exposed_faces():
     found = collect_photos(
         list(pictures.values()),
         NO_DETECTOR,
-        landmarks={
-            f"picture {i + 1}": front_landmarks(name=name)
-            for i, name in enumerate(names)
-        },
+        Inputs(
+            landmarks={
+                f"picture {i + 1}": front_landmarks(name=name)
+                for i, name in enumerate(names)
+            }
+        ),
     )
     assert [p.name for p in found.photos] == ["picture 1", "picture 2"]
     assert [f.code for f in found.failures] == ["blurred", "dark", "bright"]
@@ -276,7 +278,7 @@ def test_no_usable_photo_is_told_with_the_reasons(models, folder):
     with pytest.raises(ReconstructionError) as info:
         collect_photos(folder)
     assert "None of the 4 photos" in str(info.value)
-    assert "3 show no face" in str(info.value)
+    assert "3 no face found" in str(info.value)
     assert "1 cannot be read" in str(info.value)
 
 
@@ -361,7 +363,7 @@ def test_progress_rises_to_the_end(folder, picture):
         save(folder / f"{number}.png", picture[number:])
         write_landmarks(folder / f"{number}.pts", front_landmarks())
     steps = []
-    collect_photos(folder, NO_DETECTOR, steps.append)
+    collect_photos(folder, NO_DETECTOR, progress=steps.append)
     overall = [step.overall for step in steps]
     assert overall == sorted(overall)
     assert overall[0] == 0
@@ -401,4 +403,6 @@ def test_press_photos(models, person):
 def test_names_to_leave_out_must_be_those_of_photos(picture):
     """A slip would let the photo in, unseen."""
     with pytest.raises(ReconstructionError, match=r"no photo 'b.png' to leave out"):
-        collect_photos([picture] * 7, NO_DETECTOR, ignore=["picture 1", "b.png"])
+        collect_photos(
+            [picture] * 7, NO_DETECTOR, Inputs(ignore=["picture 1", "b.png"])
+        )

@@ -21,7 +21,7 @@ from bsface.identity.descriptor import (
 from bsface.identity.same_person import FEWEST, split_identities
 from bsface.landmarks.face_models import find_models
 from bsface.landmarks.landmarks import read_landmarks
-from bsface.prepare import collect_photos
+from bsface.prepare import Inputs, collect_photos
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 
@@ -252,7 +252,9 @@ def test_photos_with_fewer_landmarks_are_not_compared(drawn):
         few[path.name] = marks.subset("68", load_template().schemes["68"])
     # both folders have these names, so gather numbers them
     numbered = {f"{name} (2)": marks for name, marks in few.items()}
-    found = collect_photos([*drawn[0], *drawn[1]], FILES_ONLY, landmarks=numbered)
+    found = collect_photos(
+        [*drawn[0], *drawn[1]], FILES_ONLY, Inputs(landmarks=numbered)
+    )
     assert len(found.photos) == 11 and found.identity_warnings == ()
 
 

@@ -21,10 +21,11 @@ from bsface.batch.record import RECORD, Outcome, recall, summary_csv
 from bsface.cli import info
 from bsface.cli.arguments import parse_settings
 from bsface.errors import PhotoFailure, ReconstructionError
-from bsface.formats.face_file import contents, npz_bytes, read_npz, to_json
+from bsface.formats.face_file import face_bytes, load_face, npz_bytes
 from bsface.images import decode as image_file
 from bsface.images.header import read_header
 from bsface.images.read import read_photo
+from bsface.json_text import to_json
 from bsface.landmarks.landmarks import (
     LandmarkFileError,
     Landmarks,
@@ -217,17 +218,17 @@ def _template(data: bytes) -> bool:
 
 def _faces() -> list[bytes]:
     whole = painted_reconstruction(count=2, side=48)
-    return [npz_bytes(contents(face)) for face in (bare_reconstruction(), whole)]
+    return [face_bytes(face, "2026") for face in (bare_reconstruction(), whole)]
 
 
 def _face(data: bytes) -> bool:
-    found = _loaded(read_npz, ReconstructionError, _file("face.npz", data))
+    found = _loaded(load_face, ReconstructionError, _file("face.npz", data))
     if found is None:
         return False
     facts = info.summary(found)
     to_json(facts)
     "\n".join(info._lines(facts))
-    assert len(found.cameras) == len(found.camera_photos)
+    assert len(found.cameras) == len(found.photos)
     assert len(found.landmark_points) == len(found.landmark_schemes)
     return True
 

@@ -2,7 +2,11 @@
 
 import numpy as np
 import pytest
-from bsface.solve.constraint import edited_template, expression_of, hold
+from bsface import Constraint
+from bsface.solve.constraint import hold
+from bsface.solve.expression import expression_of
+from bsface.surface.edited import edited_template
+from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
 from scipy.spatial.transform import Rotation
 
@@ -47,6 +51,11 @@ def test_net_size_of_the_surface_counts(template):
     assert made.identity_modes.shape[1:3] == (12, 14)
 
 
+@pytest.fixture(scope="module")
+def prior(template):
+    return shape_prior(template, 1.0, 0.7, 1.0, 0.12)
+
+
 def edit(template, size=3.0):
     """One control point pulled out."""
     target = template.surface.control_points.copy()
@@ -56,40 +65,43 @@ def edit(template, size=3.0):
     return target, held
 
 
-def test_held_points_are_reached_and_far_ones_stay(template):
+def test_held_points_are_reached_and_far_ones_stay(template, prior):
     target, held = edit(template)
-    made = hold(template.surface, target, held)
+    made = hold(template.surface, target, Constraint(held), prior)
     moved = made.control_points - template.surface.control_points
     np.testing.assert_allclose(made.control_points[held], target[held], atol=1e-3)
     assert np.abs(moved[0]).max() < 0.2 * 3.0
     assert 0.5 < moved[8, 9, 2] < 3.2
 
 
-def test_softness_lets_points_give_way(template):
+def test_softness_lets_points_give_way(template, prior):
     target, held = edit(template)
     reached = [
-        hold(template.surface, target, held, soft).control_points[7, 9, 2]
+        hold(template.surface, target, Constraint(held, soft), prior).control_points[
+            7, 9, 2
+        ]
         - template.surface.control_points[7, 9, 2]
         for soft in (0.0, 0.5, 2.0)
     ]
     assert 3.0 >= reached[0] > reached[1] > reached[2] > 0
 
 
-def test_nothing_held_changes_nothing(template):
+def test_nothing_held_changes_nothing(template, prior):
     target, held = edit(template)
-    assert hold(template.surface, target, held & False) is template.surface
+    none = Constraint(held & False)
+    assert hold(template.surface, target, none, prior) is template.surface
 
 
-def test_all_held_gives_the_target(template):
+def test_all_held_gives_the_target(template, prior):
     target, held = edit(template)
-    made = hold(template.surface, target + 1.0, held | True)
+    made = hold(template.surface, target + 1.0, Constraint(held | True), prior)
     np.testing.assert_allclose(made.control_points, target + 1.0, atol=1e-3)
 
 
-def test_wrong_shapes_are_refused(template):
+def test_wrong_shapes_are_refused(template, prior):
     target, held = edit(template)
     with pytest.raises(ValueError, match="shape of the net"):
-        hold(template.surface, target, held[1:])
+        hold(template.surface, target, Constraint(held[1:]), prior)
 
 
 def test_the_same_face_in_another_place_has_no_expression(template):
