@@ -16,7 +16,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import rig
+from . import rig, surface_object
 from .rig import PHOTO_KEY
 
 # An orthographic camera has no place along its axis; it must stand before the face.
@@ -99,7 +99,7 @@ def add(face, name, camera, photo, collection):
     -------
     bpy.types.Object
     """
-    unit = face.matrix_world.to_scale().x
+    unit = surface_object.world_frame(face).to_scale().x
     data = bpy.data.cameras.new(name)
     set_lens(data, camera, photo.size, unit)
     obj = bpy.data.objects.new(name, data)

@@ -18,10 +18,8 @@ def with_ending(path, kind):
 
 def write(path, face, trimmed=True, tolerance=0.05):
     """Write a face in the format of the path's ending; see core ``export``."""
-    from ..core.formats import ending, export
+    from ..core.formats import export
 
-    if ending(path) == ".npz":
-        return face_file.write(path, face)
     saved = face_file.saved(face)
     return export(path, saved, trimmed=trimmed, tolerance=tolerance, name=face.name)
 

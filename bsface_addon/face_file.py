@@ -9,8 +9,13 @@ from __future__ import annotations
 
 import io
 
+import bpy
 import numpy as np
 
+from ..core._types import Array, Mask
+from ..core.formats.face_file import face_bytes, read_face
+from ..core.result import Reconstruction
+from ..core.surface.bspline import BSplineSurface
 from . import surface_object
 
 KEY = "bsface_file"
@@ -18,53 +23,40 @@ KEY = "bsface_file"
 MOVED_MM = 1e-3
 
 
-def keep(face, result):
+def keep(face: bpy.types.Object, result: Reconstruction) -> None:
     """Store what the core's file of a reconstruction would hold."""
-    from ..core.formats.face_file import face_bytes
-
     if KEY in face:
         # Blender cuts bytes at the first zero when they replace others.
         del face[KEY]
     face[KEY] = face_bytes(result)
 
 
-def saved(face, key=None):
-    """The core's Reconstruction with the control points of the object as they are.
-
-    Parameters
-    ----------
-    key : str, optional
-        Shape key to take the control points from.
-    """
-    from ..core.formats.face_file import read_face
-    from ..core.surface.bspline import BSplineSurface
-
+def saved(face: bpy.types.Object) -> Reconstruction:
+    """What is known of the run, with the control points of the object as they are."""
     stored = read_face(io.BytesIO(face[KEY]), face.name)
-    return stored.with_surface(BSplineSurface(surface_object.read(face, key)))
+    return stored.with_surface(surface(face))
 
 
-def write(path, face):
-    """Write the face file of an object."""
-    return saved(face).save(path)
-
-
-def surface(face, key=None):
-    """The object's control points as the core's BSplineSurface."""
-    from ..core.surface.bspline import BSplineSurface
-
+def surface(face: bpy.types.Object, key: str | None = None) -> BSplineSurface:
+    """The object's control points, or those of a shape key, as a surface in mm."""
     return BSplineSurface(surface_object.read(face, key))
 
 
-def moved(face):
-    """Control points that are not where the last run put them, (M, N) bool array."""
+def moved(face: bpy.types.Object) -> Mask:
+    """Control points that are not where the last run put them, (M, N)."""
     points = surface_object.read(face)
-    with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
-        solved = archive["control_points"]
+    solved = _stored(face, "control_points")
     if solved.shape != points.shape:
         return np.zeros(points.shape[:2], bool)  # resampled since
     return np.linalg.norm(points - solved, axis=2) > MOVED_MM
 
 
-def outline(face):
+def outline(face: bpy.types.Object) -> Array:
     """The face's outline in (u, v), (k, 2)."""
-    return saved(face).template.outline_uv
+    return _stored(face, "outline_uv")
+
+
+def _stored(face: bpy.types.Object, name: str) -> Array:
+    """One array of the face file, without reading the others."""
+    with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
+        return archive[name]

@@ -80,7 +80,7 @@ def reconstruct(options):
     import bpy
 
     from ..core.errors import ReconstructionError
-    from ..core.images.photo import list_photos
+    from ..core.images.folder import list_photos
     from . import arguments, scene, session
     from .apply_result import apply_result
     from .console import Console
@@ -128,14 +128,8 @@ def info(options):
         from ..core.json_text import plain
 
         saved = load_face(path)
-        found = [
-            _summary(
-                path.stem,
-                saved.surface.shape,
-                plain(saved.reports),
-                saved.settings.to_dict(),
-            )
-        ]
+        reports, settings = plain(saved.reports), saved.settings.to_dict()
+        found = [_summary(path.stem, saved.surface.shape, reports, settings)]
     else:
         _open(bpy, path)
         found = [
@@ -233,9 +227,7 @@ def _write(bpy, output, outcome, options):
             filepath=str(temporary.resolve()), compress=True, relative_remap=False
         )
     if options.npz:
-        from ..core.formats import save_face
-
-        written.append(save_face(options.npz, outcome.result))
+        written.append(outcome.result.save(options.npz))
     if options.report:
         from ..core.report.report import write_report
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from . import surface_object
+
 
 def add(context, face, surface, outline_uv, tolerance):
     """Make a mesh object beside the face.
@@ -27,12 +29,13 @@ def add(context, face, surface, outline_uv, tolerance):
 
     made = tessellate(surface, outline_uv, tolerance)
     mesh = bpy.data.meshes.new(f"{face.name} mesh")
-    _fill(mesh, made.vertices, made.triangles)
+    _fill(mesh, surface_object.to_local(face, made.vertices), made.triangles)
     mesh.polygons.foreach_set("use_smooth", np.ones(len(made.triangles), bool))
     layer = mesh.uv_layers.new(name="UVMap")
     # As on the surface itself: v of the picture runs down from its bottom row.
     layer.data.foreach_set("uv", made.uv[made.triangles.ravel()].ravel())
-    mesh.normals_split_custom_set_from_vertices(made.normals)
+    normals = surface_object.direction_to_local(face, made.normals)
+    mesh.normals_split_custom_set_from_vertices(normals)
     for material in face.data.materials:
         mesh.materials.append(material)
     obj = bpy.data.objects.new(mesh.name, mesh)

@@ -8,51 +8,33 @@ from __future__ import annotations
 import platform
 import sys
 
-# code of a photo's status -> (word in the row, icon, advice)
-PHOTO_STATUS = {
-    "waiting": ("waiting", "BLANK1", "Not looked at yet."),
-    "found": ("face found", "CHECKMARK", "The face was found."),
-    "used": ("used", "CHECKMARK", "This photo shapes the face."),
-    "ignored": (
-        "ignored",
-        "HIDE_ON",
-        "You left this photo out; click its box to use it again.",
+from ..core.errors import FailureCode
+
+# Statuses of a photo with which nothing is wrong: the icon of their row.
+FINE = {"waiting": "BLANK1", "found": "CHECKMARK", "used": "CHECKMARK"}
+ICONS = {FailureCode.IGNORED: "HIDE_ON", FailureCode.DUPLICATE: "DUPLICATE"}
+# What to do about a photo that is not used.
+ADVICE = {
+    FailureCode.UNREADABLE: (
+        "Open the photo in another program and save it as JPEG or PNG."
     ),
-    "unreadable": (
-        "unreadable",
-        "ERROR",
-        "Open the photo in another program and save it as JPEG or PNG.",
+    FailureCode.TOO_LARGE: "Save the photo with fewer pixels; 2000 across is plenty.",
+    FailureCode.NO_FACE: "Turn the photo upright, or load landmarks from a .pts file.",
+    FailureCode.SMALL_FACE: (
+        "Use a closer photo: the face should be at least 60 pixels wide."
     ),
-    "too_large": (
-        "too large",
-        "ERROR",
-        "Save the photo with fewer pixels; 2000 across is plenty.",
+    FailureCode.BLURRED: "Use a sharp photo.",
+    FailureCode.DARK: "Use a brighter photo.",
+    FailureCode.BRIGHT: "Use a photo that is not overexposed.",
+    FailureCode.IMPLAUSIBLE: (
+        "Drag the landmarks to their places, or choose another face."
     ),
-    "no_face": (
-        "no face",
-        "ERROR",
-        "Turn the photo upright, or load landmarks from a .pts file.",
-    ),
-    "small_face": (
-        "too small",
-        "ERROR",
-        "Use a closer photo: the face should be at least 60 pixels wide.",
-    ),
-    "blurred": ("blurred", "ERROR", "Use a sharp photo."),
-    "dark": ("too dark", "ERROR", "Use a brighter photo."),
-    "bright": ("too bright", "ERROR", "Use a photo that is not overexposed."),
-    "implausible": (
-        "odd landmarks",
-        "ERROR",
-        "Drag the landmarks to their places, or choose another face.",
-    ),
-    "other_person": (
-        "other person",
-        "ERROR",
+    FailureCode.OTHER_PERSON: (
         "Choose the right face of this photo, or ignore the photo; if it is the "
-        "person, switch One Person off.",
+        "person, switch One Person off."
     ),
-    "duplicate": ("duplicate", "DUPLICATE", "The same photo is in the list twice."),
+    FailureCode.IGNORED: "You left this photo out; click its box to use it again.",
+    FailureCode.DUPLICATE: "The same photo is in the list twice.",
 }
 
 NO_PHOTOS = "Add photos of one person first"
@@ -136,9 +118,15 @@ def done(face, reports):
     return f"{face.name}: {used} of {len(reports)} photos used"
 
 
-def photo_status(code):
-    """(word, icon, advice) of a photo's status code."""
-    return PHOTO_STATUS.get(code, (code, "QUESTION", ""))
+def photo_status(code: str) -> tuple[str, str, str]:
+    """Word, icon and advice of a photo's status; nothing is said of what is fine."""
+    if code in FINE:
+        return "", FINE[code], ""
+    try:
+        failure = FailureCode(code)
+    except ValueError:  # of a file that a newer version wrote
+        return code, "QUESTION", ""
+    return failure.label, ICONS.get(failure, "ERROR"), ADVICE[failure]
 
 
 STAGES = {

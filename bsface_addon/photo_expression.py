@@ -10,6 +10,12 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
+
+from ..core.json_text import to_json
+from ..core.solve.expression import expression_displacements
+from ..core.surface.alignment import relative_size
+from ..core.surface.template import load_template
 from . import face_file, surface_object
 
 KEY = "As in Photo"
@@ -22,13 +28,10 @@ FAINT = 1e-3
 
 def keep(face, result):
     """Store the expressions of a run's photos; nothing where they share one."""
-    from ..core.json_text import to_json
-
     found = {}
-    if result.expressions is not None:
-        for photo, mixture in zip(result.photos, result.expressions, strict=True):
-            if abs(mixture).max(initial=0.0) > FAINT:
-                found[photo.name] = mixture.round(4).tolist()
+    for photo, mixture in zip(result.photos, result.expressions, strict=True):
+        if abs(mixture).max(initial=0.0) > FAINT:
+            found[photo.name] = mixture.round(4).tolist()
     face.pop(STORED, None)
     if found:
         face[STORED] = to_json(found)
@@ -59,11 +62,8 @@ def hide(face):
 
 
 def _points(face, mixture):
-    import numpy as np
-
-    from ..core.solve.known_face import known_face
-    from ..core.surface.template import load_template
-
     surface = face_file.surface(face)
-    known = known_face(surface, load_template().resampled(surface.shape))
-    return known.with_expression(np.array(mixture)).control_points
+    template = load_template().resampled(surface.shape)
+    size = relative_size(surface, template)
+    (moved,) = expression_displacements(template, np.array([mixture]), size)
+    return surface.control_points + moved

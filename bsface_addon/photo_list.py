@@ -8,8 +8,7 @@ from pathlib import Path
 
 import bpy
 
-# Statuses of a photo with which nothing is wrong.
-FINE = ("waiting", "found", "used")
+from . import messages
 
 
 def add(state, paths):
@@ -158,6 +157,6 @@ def counts(state):
     return {
         "all": len(state.photos),
         "use": len(rows),
-        "failed": sum(row.status not in FINE for row in rows),
+        "failed": sum(row.status not in messages.FINE for row in rows),
         "used": sum(row.status == "used" for row in rows),
     }

@@ -26,8 +26,7 @@ class BSFACE_UL_photos(bpy.types.UIList):
         if item.expression:
             state.label(text=item.expression, translate=False)
         state.alert = item.use and sign == "ERROR"
-        # The sidebar is narrow: what is fine needs no word.
-        state.label(text="" if item.status in photo_list.FINE else word, icon=sign)
+        state.label(text=word, icon=sign)
 
 
 class BSFACE_MT_photos(bpy.types.Menu):
@@ -110,7 +109,7 @@ class BSFACE_PT_photos(BSFacePanel, bpy.types.Panel):
 def _about(context, layout, row):
     """Why the active photo is what it is, and what to do about it."""
     word, sign, advice = messages.photo_status(row.status)
-    if row.status in photo_list.FINE:
+    if row.status in messages.FINE:
         if row.reason:
             paragraph(context, layout, row.reason, icon="INFO")
         return
@@ -137,7 +136,7 @@ class BSFACE_PT_landmarks(BSFacePanel, bpy.types.Panel):
         row = state.photos[state.active_photo]
         known = bool(row.landmarks)
         if not known:
-            waiting = row.status in photo_list.FINE
+            waiting = row.status in messages.FINE
             text = messages.NO_LANDMARKS if waiting else messages.NONE_FOUND
             paragraph(context, layout, text.format(name=row.name), icon="INFO")
         column = layout.column()

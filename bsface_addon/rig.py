@@ -10,6 +10,8 @@ from __future__ import annotations
 import bpy
 from mathutils import Matrix
 
+from . import surface_object
+
 MARK = "bsface"
 NAME = "rig"
 PHOTO_KEY = "bsface_photo"
@@ -55,11 +57,14 @@ def attach(obj, face, pose):
     pose : (4, 4) matrix
         Object axes -> head axes; its translation in millimetres.
     """
-    unit = face.matrix_world.to_scale().x
+    frame = surface_object.local_frame(face)
     obj.parent = find(face)
-    obj.matrix_parent_inverse = Matrix.Scale(1 / unit, 4)
+    # Head axes, but the scene's lengths: the rig has the face's own scale.
+    turn = frame.to_quaternion().to_matrix().to_4x4()
+    scale = face.matrix_world.to_scale().x
+    obj.matrix_parent_inverse = turn @ Matrix.Scale(1 / scale, 4)
     place = Matrix(pose)
-    place.translation *= unit
+    place.translation *= scale * frame.to_scale().x
     obj.matrix_basis = place
 
 

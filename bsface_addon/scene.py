@@ -15,6 +15,7 @@ import bpy
 from mathutils import Quaternion, Vector
 
 from ..core.errors import ReconstructionError
+from ..core.json_text import to_json
 from . import (
     cameras,
     face_file,
@@ -79,8 +80,7 @@ def place(context, result, name, *, face=None, scale=1.0, maps=None):
         old = [] if face is None else [*cameras.of_face(face), *lights.of_face(face)]
         fresh = face is None
         if fresh:
-            face = surface_object.create(context, name, points)
-            face.matrix_world = surface_object.upright(context, scale)
+            face = surface_object.create(context, name, points, scale)
             face[MARK] = True
             own = _collection(context, face)
             _move(face, own)
@@ -233,8 +233,6 @@ def _add_lights(face, result, own):
 
 
 def _write_facts(face, result):
-    from ..core.json_text import to_json
-
     face[SETTINGS] = to_json(result.settings.to_dict())
     face[REPORT] = to_json(list(result.reports))
     face[WARNINGS] = to_json(list(result.warnings))
@@ -347,7 +345,8 @@ def show(context, face):
         if area.type != "VIEW_3D":
             continue
         view = area.spaces.active.region_3d
-        view.view_rotation = face.matrix_world.to_quaternion()
+        frame = surface_object.world_frame(face)
+        view.view_rotation = frame.to_quaternion()
         if view.view_perspective == "CAMERA":
             view.view_perspective = "PERSP"
         region = next(r for r in area.regions if r.type == "WINDOW")
@@ -406,6 +405,6 @@ def present(context, face):
     views = cameras.of_face(face)
     if views:
         # The most frontal photo: its camera's axis is nearest to the face's own.
-        look = face.matrix_world.col[2].xyz
+        look = surface_object.world_frame(face).col[2].xyz
         frontal = max(views, key=lambda view: view.matrix_world.col[2].xyz @ look)
         cameras.look_through(context, frontal, switch_views=False)

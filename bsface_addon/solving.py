@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,17 +13,18 @@ import numpy as np
 
 from ..core.camera.coverage import shortcomings
 from ..core.camera.linear_pose import linear_pose
-from ..core.errors import ReconstructionError
+from ..core.errors import ReconstructionError, memory_reported
 from ..core.landmarks.all_faces import faces_in
-from ..core.landmarks.landmarks import Landmarks
-from ..core.prepare import Inputs, collect_photos
+from ..core.landmarks.landmarks import Landmarks, landmark_file_beside
+from ..core.prepare import Inputs, as_template, collect_photos, make_problem
 from ..core.problem import PhotoCollection
-from ..core.progress import Progress, Step
-from ..core.reconstruct import reconstruct
+from ..core.progress import Clock, Progress, Step
+from ..core.reconstruct import solve
 from ..core.result import Reconstruction
 from ..core.settings import Settings
-from ..core.surface.template import load_template
+from ..core.surface.template import Template, load_template
 from ..core.texture.bake import Texture, bake_texture
+from ..core.threads import one_blas_thread
 from .maps import Map, all_maps
 
 if TYPE_CHECKING:
@@ -63,7 +67,15 @@ class Detection:
 
 
 class Solver:
-    """What the operators ask of the core; tests hand in another one."""
+    """What the operators ask of the core; tests hand in another one.
+
+    The photos of the newest job are kept: a job that reads the same photos in the same
+    way, such as one with another method, does not read them again.
+    """
+
+    def __init__(self) -> None:
+        # One value, so that a job that was cancelled can do no harm to the next one.
+        self._newest: tuple[str, PhotoCollection] | None = None
 
     def solve(self, request: Request, progress: Progress | None = None) -> Outcome:
         """Reconstruct the face and paint it.
@@ -75,19 +87,42 @@ class Solver:
         Cancelled
             By ``progress``.
         """
-        result = _reconstruct(request, progress)
-        texture = _texture(result, progress, request.texture_size)
-        return Outcome(result, all_maps(result, texture), texture)
+        clock = Clock(_scaled(progress))
+        with one_blas_thread(), memory_reported():
+            template = as_template(request.start, request.settings)
+            shape = template.surface.shape
+            settings = replace(request.settings, control_points=shape)
+            photos = self._collect(request, template, clock.nested("landmarks"))
+            clock.lap("landmarks")
+            constraint, start = request.constraint, request.start
+            problem = make_problem(photos, template, settings, constraint, start)
+            result = solve(problem, clock)
+            texture = _texture(result, progress, request.texture_size)
+            return Outcome(result, all_maps(result, texture), texture)
 
     def detect(self, request: Request, progress: Progress | None = None) -> Detection:
         """Find faces and landmarks only."""
-        found = collect_photos(
-            request.photos,
-            request.settings,
-            Inputs(landmarks=request.landmarks, ignore=request.ignore),
-            progress,
-        )
-        return Detection(found, _hints(found))
+        with memory_reported():
+            template = as_template(request.start, request.settings)
+            found = self._collect(request, template, progress)
+            return Detection(found, _hints(found))
+
+    def forget(self) -> None:
+        """Let the kept photos go."""
+        self._newest = None
+
+    def _collect(
+        self, request: Request, template: Template, progress: Progress | None
+    ) -> PhotoCollection:
+        """The request's photos with their landmarks, from memory if they are there."""
+        key = _reading_key(request, template)
+        newest = self._newest
+        if newest is not None and newest[0] == key:
+            return newest[1]
+        inputs = Inputs(template, request.landmarks, request.ignore)
+        found = collect_photos(request.photos, request.settings, inputs, progress)
+        self._newest = key, found
+        return found
 
     def faces_in(self, path: Path, name: str, scheme: str) -> tuple[Landmarks, ...]:
         """All faces in one photo, from left to right.
@@ -112,20 +147,41 @@ def next_face(faces: tuple[Landmarks, ...], current: Landmarks | None) -> Landma
     return faces[(away.index(min(away)) + 1) % len(faces)]
 
 
-def _reconstruct(request: Request, progress: Progress | None) -> Reconstruction:
-    def tell(step):
-        if progress is not None:
-            progress(replace(step, overall=step.overall * SOLVE_SHARE))
+def _reading_key(request: Request, template: Template) -> str:
+    """Hash of all that `collect_photos` reads: equal keys, equal results."""
+    settings = request.settings
+    parts: list[object] = [
+        settings.landmarks,
+        settings.detector,
+        settings.one_person,
+        hashlib.sha256(template.landmark_xyz.tobytes()).hexdigest(),
+        sorted(request.ignore),
+        os.environ.get("BSFACE_MODELS"),
+    ]
+    for path in request.photos:
+        parts += [str(path), _stamp(path), _stamp(landmark_file_beside(path))]
+    for name, found in sorted(request.landmarks.items()):
+        # Those that were detected are what detection finds again.
+        if found.source != "detected":
+            points, weight = found.points.tolist(), found.weight.tolist()
+            parts.append([name, found.scheme, points, weight])
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
-    return reconstruct(
-        request.photos,
-        request.settings,
-        template=request.start,
-        progress=tell,
-        ignore=request.ignore,
-        landmarks=request.landmarks,
-        constraint=request.constraint,
-    )
+
+def _stamp(path: Path | None) -> tuple[int, int] | None:
+    """Time and size of a file; None where there is none."""
+    try:
+        found = os.stat(path) if path else None
+    except OSError:
+        return None
+    return None if found is None else (found.st_mtime_ns, found.st_size)
+
+
+def _scaled(progress: Progress | None) -> Progress | None:
+    """The progress of the part before the painting."""
+    if progress is None:
+        return None
+    return lambda step: progress(replace(step, overall=step.overall * SOLVE_SHARE))
 
 
 def _texture(

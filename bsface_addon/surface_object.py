@@ -5,42 +5,72 @@ order ``points[v * U + u]`` (u fastest), float32, homogeneous.  With order 4 and
 *Endpoint* off, Blender's surface is the uniform bicubic B-spline of the paper
 (section 2.1) without any knot conversion.
 
-The local coordinates of the object are the core's control points in millimetres,
-rounded to float32 and nothing else; standing up and life size are the business of
-the object's matrix (`upright`), so reading back returns what was written.
+The core's axes and millimetres become the object's own coordinates in the spline
+points: upright (the core's y is Blender's z, its z, toward the camera, Blender's -y)
+and in the scene's units, so that the object itself has scale 1 and no rotation and
+exports, rigs and physics see it as it is.  The object keeps its units per millimetre
+(`UNIT_KEY`).  Objects of version 0.1 have none: their coordinates are the core's.
 """
 
 from __future__ import annotations
 
 import contextlib
-import math
+from collections.abc import Iterator
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..core._types import Array, Mask
+
 ORDER = 4
 RESOLUTION = 4
 METRES_PER_MM = 0.001
+#: On the object: its units per millimetre of the face.
+UNIT_KEY = "bsface_units_per_mm"
+# A quarter turn about x, exactly.
+UPRIGHT = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
 
 
-def upright(context, scale=1.0):
-    """Matrix that takes the core's axes and millimetres to the scene.
+def units_per_mm(context: bpy.types.Context, scale: float = 1.0) -> float:
+    """Blender units per millimetre of a new face; ``scale`` 1 is life size.
 
-    The core's y (up) becomes Blender's z, its z (towards the camera) Blender's
-    -y, so the face looks at Blender's front view.  One unit is one metre unless
-    the scene's unit scale says otherwise.
-
-    Parameters
-    ----------
-    scale : float
-        1 is life size (eyes 0.062 m apart).
+    One unit is one metre unless the scene's unit scale says otherwise.
     """
-    unit = scale * METRES_PER_MM / context.scene.unit_settings.scale_length
-    return Matrix.Rotation(math.pi / 2, 4, "X") @ Matrix.Scale(unit, 4)
+    return scale * METRES_PER_MM / context.scene.unit_settings.scale_length
 
 
-def is_surface(obj):
+def local_frame(obj: bpy.types.Object) -> Matrix:
+    """From the core's axes and millimetres to the object's own coordinates."""
+    unit = obj.get(UNIT_KEY)
+    return Matrix() if unit is None else UPRIGHT @ Matrix.Scale(unit, 4)
+
+
+def world_frame(obj: bpy.types.Object) -> Matrix:
+    """From the core's axes and millimetres to the scene."""
+    return obj.matrix_world @ local_frame(obj)
+
+
+def to_local(obj: bpy.types.Object, xyz: Array) -> Array:
+    """Points of the core, (..., 3) mm, in the object's own coordinates."""
+    unit = obj.get(UNIT_KEY)
+    return xyz if unit is None else unit * _upright(xyz)
+
+
+def from_local(obj: bpy.types.Object, xyz: Array) -> Array:
+    """The reverse of `to_local`."""
+    unit = obj.get(UNIT_KEY)
+    if unit is None:
+        return xyz
+    return np.stack([xyz[..., 0], xyz[..., 2], -xyz[..., 1]], -1) / unit
+
+
+def direction_to_local(obj: bpy.types.Object, xyz: Array) -> Array:
+    """Directions of the core, (..., 3), in the object's own axes."""
+    return xyz if obj.get(UNIT_KEY) is None else _upright(xyz)
+
+
+def is_surface(obj: bpy.types.Object | None) -> bool:
     """Whether ``obj`` is one bicubic NURBS surface patch that `read` can read."""
     if obj is None or obj.type != "SURFACE" or len(obj.data.splines) != 1:
         return False
@@ -52,7 +82,9 @@ def is_surface(obj):
     )
 
 
-def create(context, name, control_points):
+def create(
+    context: bpy.types.Context, name: str, control_points: Array, scale: float = 1.0
+) -> bpy.types.Object:
     """Make a SURFACE object; it is linked to the scene's root collection.
 
     Parameters
@@ -60,6 +92,8 @@ def create(context, name, control_points):
     control_points : (M, N, 3) array
         Millimetres, core axes; first index u (to the picture's right), second v
         (down).
+    scale : float
+        Size in the scene; 1 is life size (eyes 0.062 m apart).
 
     Returns
     -------
@@ -70,12 +104,15 @@ def create(context, name, control_points):
     with object_mode(context):
         curve = _grid(context, name, points.shape[0], points.shape[1])
     obj = bpy.data.objects.new(name, curve)
+    obj[UNIT_KEY] = units_per_mm(context, scale)
     context.scene.collection.objects.link(obj)
     _store(obj, points)
     return obj
 
 
-def write(context, obj, control_points):
+def write(
+    context: bpy.types.Context, obj: bpy.types.Object, control_points: Array
+) -> None:
     """Give ``obj`` new control points.
 
     With the same numbers of control points the coordinates are overwritten in
@@ -96,7 +133,7 @@ def write(context, obj, control_points):
     _store(obj, points)
 
 
-def read(obj, key=None):
+def read(obj: bpy.types.Object, key: str | None = None) -> Array:
     """Control points of ``obj`` as the artist left them.
 
     Parameters
@@ -108,7 +145,7 @@ def read(obj, key=None):
     Returns
     -------
     (M, N, 3) float64 array
-        Local coordinates, that is the core's millimetres.
+        Millimetres, core axes; what was written, but for float32.
     """
     if not is_surface(obj):
         raise ValueError(f"{obj.name} is not a bicubic NURBS surface")
@@ -124,16 +161,17 @@ def read(obj, key=None):
         flat = np.empty(m * n * 4, np.float32)
         obj.data.splines[0].points.foreach_get("co", flat)
         stored = flat.reshape(n, m, 4)[..., :3]
-    return np.ascontiguousarray(stored.transpose(1, 0, 2), dtype=np.float64)
+    local = np.ascontiguousarray(stored.transpose(1, 0, 2), dtype=np.float64)
+    return from_local(obj, local)
 
 
-def shape(obj):
+def shape(obj: bpy.types.Object) -> tuple[int, int]:
     """Numbers of control points (M, N)."""
     spline = obj.data.splines[0]
     return spline.point_count_u, spline.point_count_v
 
 
-def selected(obj):
+def selected(obj: bpy.types.Object) -> Mask:
     """Which control points are selected in edit mode, (M, N) bool array."""
     obj.update_from_editmode()
     m, n = shape(obj)
@@ -142,13 +180,15 @@ def selected(obj):
     return flat.reshape(n, m).T.copy()
 
 
-def add_shape_key(obj, name, control_points):
+def add_shape_key(
+    obj: bpy.types.Object, name: str, control_points: Array
+) -> bpy.types.ShapeKey:
     """Add or overwrite a shape key; makes the basis key first where there is none.
 
     Parameters
     ----------
     control_points : (M, N, 3) array
-        The shape at value 1, in the object's local millimetres.
+        The shape at value 1, as in `create`.
     """
     points = _checked(control_points)
     if shape(obj) != points.shape[:2]:
@@ -159,26 +199,26 @@ def add_shape_key(obj, name, control_points):
     if block is None:
         block = obj.shape_key_add(name=name, from_mix=False)
         block.value = 0.0  # since Blender 5 a new key is on
-    block.data.foreach_set("co", points.transpose(1, 0, 2).ravel())
+    block.data.foreach_set("co", _in_blenders_order(obj, points).ravel())
     obj.data.update_tag()
     return block
 
 
-def remove_shape_keys(obj):
+def remove_shape_keys(obj: bpy.types.Object) -> None:
     """Take all shape keys off; the basis is the surface's shape then."""
     points = read(obj)
     obj.shape_key_clear()
     _store(obj, _checked(points))
 
 
-def set_resolution(obj, steps):
+def set_resolution(obj: bpy.types.Object, steps: int) -> None:
     """Evaluated quads per control point, both ways."""
     obj.data.resolution_u = obj.data.resolution_v = steps
     obj.data.render_resolution_u = obj.data.render_resolution_v = 0
 
 
 @contextlib.contextmanager
-def object_mode(context):
+def object_mode(context: bpy.types.Context) -> Iterator[None]:
     """Inside: object mode and nothing selected; afterwards as it was before."""
     layer = context.view_layer
     active, mode = layer.objects.active, "OBJECT"
@@ -200,7 +240,18 @@ def object_mode(context):
             bpy.ops.object.mode_set(mode=mode)
 
 
-def _checked(control_points):
+def _upright(xyz: Array) -> Array:
+    """The core's axes -> Blender's."""
+    return np.stack([xyz[..., 0], -xyz[..., 2], xyz[..., 1]], -1)
+
+
+def _in_blenders_order(obj: bpy.types.Object, points: Array) -> Array:
+    """Control points (M, N, 3) in mm as spline points, (N, M, 3) float32."""
+    local = to_local(obj, points).transpose(1, 0, 2)
+    return np.ascontiguousarray(local, np.float32)
+
+
+def _checked(control_points: Array) -> Array:
     points = np.asarray(control_points, np.float64)
     if points.ndim != 3 or points.shape[2] != 3 or min(points.shape[:2]) < ORDER:
         raise ValueError(
@@ -209,10 +260,12 @@ def _checked(control_points):
         )
     if not np.isfinite(points).all():
         raise ValueError("control points must be finite numbers")
-    return points.astype(np.float32)
+    return points
 
 
-def _grid(context, name, count_u, count_v):
+def _grid(
+    context: bpy.types.Context, name: str, count_u: int, count_v: int
+) -> bpy.types.Curve:
     """SURFACE curve data with ``count_u`` x ``count_v`` points.
 
     Blender has no call for this.  ``make_segment`` joins selected rows into a
@@ -271,9 +324,9 @@ def _replace_data(context, obj, count_u, count_v):
         new.name = name
 
 
-def _store(obj, points):
-    """Write float32 points in Blender's order; shape keys hold them if present."""
-    stored = points.transpose(1, 0, 2)
+def _store(obj: bpy.types.Object, points: Array) -> None:
+    """Write points in Blender's order; shape keys hold them if present."""
+    stored = _in_blenders_order(obj, points)
     curve = obj.data
     in_edit_mode = obj.mode == "EDIT"
     if in_edit_mode:

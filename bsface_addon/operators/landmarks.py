@@ -9,7 +9,7 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ...core.errors import ReconstructionError
-from ...core.images.photo import read_photo
+from ...core.images.read import read_photo
 from .. import landmark_editor, messages, photo_list, request, session
 from ..solving import next_face
 from .photos import RowOperator, ready

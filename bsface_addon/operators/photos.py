@@ -159,7 +159,7 @@ class BSFACE_OT_photos_use(bpy.types.Operator):
                 "ALL": True,
                 "NONE": False,
                 "INVERT": not row.use,
-                "GOOD": row.status in photo_list.FINE,
+                "GOOD": row.status in messages.FINE,
             }[self.which]
         return {"FINISHED"}
 

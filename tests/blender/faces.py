@@ -1,29 +1,23 @@
 """A small made-up reconstruction with cameras, lights and photo files."""
 
-from dataclasses import dataclass, replace
-from types import SimpleNamespace
-
 import cv2
 import numpy as np
 from blender.checkout import load
-from fake_face import bare_reconstruction
+from fake_face import face_surface
 from scipy.spatial.transform import Rotation
 
 Camera = load("core.camera.camera").Camera
 Landmarks = load("core.landmarks.landmarks").Landmarks
-
+Photo = load("core.images.photo").Photo
+PhotometricEvidence = load("core.photometry.lighting").PhotometricEvidence
+BSplineSurface = load("core.surface.bspline").BSplineSurface
+Settings = load("core.settings").Settings
+load_template = load("core.surface.template").load_template
+result = load("core.result")
 Outcome = load("bsface_addon.solving").Outcome
 
 SIZE = (160, 200)
 YAWS = (-30.0, 0.0, 25.0)
-
-
-@dataclass(frozen=True)
-class Report:
-    name: str
-    status: str
-    reason: str = ""
-    yaw: float = 0.0
 
 
 def pose(yaw, kappa=1 / 900, size=SIZE):
@@ -48,25 +42,55 @@ def photo_files(folder, size=SIZE):
     return found
 
 
-def reconstruction(folder, kappa=1 / 900):
-    """Three used photos and one left out."""
+def reconstruction(folder, kappa=1 / 900, mixtures=None):
+    """Three used photos and one left out.
+
+    Parameters
+    ----------
+    mixtures : (3, k) array, optional
+        Expressions of the photos; by default they share one.
+    """
     paths = photo_files(folder)
-    lights = np.zeros((len(paths), 9))
+    count = len(paths)
+    surface = BSplineSurface(face_surface().control_points)
+    template = load_template().resampled(surface.shape)
+    lights = np.zeros((count, 9))
     lights[:, 0], lights[:, 3] = 0.5, 0.4
     lights[:, 1] = [-0.3, 0, 0.3]
-    photos = tuple(SimpleNamespace(name=p.name, path=p, size=SIZE) for p in paths)
-    return replace(
-        bare_reconstruction(),
+    uv = np.random.default_rng(0).uniform(0.2, 0.8, (20, 2))
+    evidence = PhotometricEvidence(
+        uv=uv,
+        normals=surface.normals(*uv.T),
+        albedo=np.full((20, 3), 0.5),
+        lights=lights,
+        weights=np.ones((count, 20)),
+        residual=np.full((count, 20), 0.1),
+        singular_values=np.array([3.0, 1.0, 0.5]),
+    )
+    pixels = np.full((SIZE[1], SIZE[0], 3), 100, np.uint8)
+    photos = tuple(Photo(path.name, path, SIZE, pixels) for path in paths)
+    used = [
+        result.PhotoReport(photo.name, "used", yaw=yaw)
+        for photo, yaw in zip(photos, YAWS, strict=True)
+    ]
+    left_out = "cat.png shows no face; remove it."
+    if mixtures is None:
+        mixtures = np.zeros((count, len(template.expression_modes)))
+    return result.Reconstruction(
+        surface=surface,
+        template=template,
         photos=photos,
-        cameras=tuple(pose(yaw, kappa) for yaw in YAWS),
         landmarks=tuple(
             Landmarks(p.name, "40", np.full((40, 2), 50.0), np.ones(40)) for p in photos
         ),
-        photometric=SimpleNamespace(lights=lights),
-        reports=(
-            *(Report(p.name, "used", yaw=y) for p, y in zip(photos, YAWS, strict=True)),
-            Report("cat.png", "no_face", "cat.png shows no face; remove it."),
+        cameras=tuple(pose(yaw, kappa) for yaw in YAWS),
+        photometric=evidence,
+        reports=(*used, result.PhotoReport("cat.png", "no_face", left_out)),
+        deviation=np.linspace(0.5, 1.5, surface.control_points[..., 0].size).reshape(
+            surface.shape
         ),
+        settings=Settings(control_points=surface.shape),
+        expressions=mixtures,
         warnings=("The light hardly differs.",),
     )
 

@@ -113,10 +113,11 @@ def test_a_running_job_shows_its_progress(addon):
 
 
 def test_every_status_of_the_core_has_words_and_advice():
-    for code in errors.FAILURE_CODES:
-        word, sign, advice = messages.photo_status(code)
-        assert word != code or code in ("unreadable", "blurred", "ignored", "duplicate")
-        assert sign != "QUESTION" and advice
+    for code in errors.FailureCode:
+        word, sign, advice = messages.photo_status(str(code))
+        assert word == code.label and sign != "QUESTION" and advice
+    assert messages.photo_status("used") == ("", "CHECKMARK", "")
+    assert messages.photo_status("from 2030") == ("from 2030", "QUESTION", "")
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import struct
-from types import SimpleNamespace
 
 import bpy
 import cv2
@@ -12,7 +11,7 @@ import pytest
 from blender import faces
 from blender.checkout import load
 from bpy_extras.object_utils import world_to_camera_view
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 scene = load("bsface_addon.scene")
 cameras = load("bsface_addon.cameras")
@@ -28,11 +27,25 @@ def everything():
     return {k: sorted(d.name for d in getattr(bpy.data, k)) for k in kinds}
 
 
+def as_in_the_first_version(face):
+    """Coordinates in the core's millimetres; the matrix makes them life size."""
+    points = surface_object.read(face)
+    del face[surface_object.UNIT_KEY]
+    surface_object.write(bpy.context, face, points)
+    face.matrix_world = surface_object.UPRIGHT @ Matrix.Scale(0.001, 4)
+    bpy.context.view_layer.update()
+
+
 @pytest.mark.parametrize("kappa", [0.0, 1 / 900])
 @pytest.mark.parametrize("moved", [False, True])
-def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved):
+@pytest.mark.parametrize("version", ["0.1", "now"])
+def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, version):
     result = faces.reconstruction(tmp_path, kappa)
     face = scene.place(bpy.context, result, "Ann")
+    if version == "0.1":
+        as_in_the_first_version(face)
+        scene.place(bpy.context, result, "Ann", face=face)
+        assert surface_object.UNIT_KEY not in face
     if moved:
         face.location = (1, 2, 3)
         face.rotation_euler.z = 0.7
@@ -43,7 +56,9 @@ def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved):
         cameras.look_through(bpy.context, obj)
         bpy.context.view_layer.update()
         seen = [
-            world_to_camera_view(empty_scene, obj, face.matrix_world @ Vector(q))
+            world_to_camera_view(
+                empty_scene, obj, surface_object.world_frame(face) @ Vector(q)
+            )
             for q in head
         ]
         width, height = faces.SIZE
@@ -114,10 +129,11 @@ def test_backgrounds_are_turned_clockwise_to_fill_the_frame(
 def test_face_stands_upright_in_life_size(empty_scene, tmp_path):
     face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
     bpy.context.view_layer.update()
-    width, height, depth = face.dimensions  # along the object's own axes
+    assert face.matrix_world == Matrix()
+    width, depth, height = face.dimensions
     assert 0.1 < width < 0.2 < height + 0.1 < 0.35 and 0.03 < depth < 0.1
-    nose = face.matrix_world @ Vector((0, -20, 60))
-    assert nose.y < 0 and nose.z < 0
+    nose = surface_object.world_frame(face) @ Vector((0, -20, 60))
+    np.testing.assert_allclose(nose, (0, -0.06, -0.02), atol=1e-8)
 
 
 def test_suns_shine_from_where_the_light_came(empty_scene, tmp_path):
@@ -131,7 +147,7 @@ def test_suns_shine_from_where_the_light_came(empty_scene, tmp_path):
         lights.of_face(face), result.photometric.lights, strict=True
     ):
         shines = sun.matrix_world.to_3x3() @ Vector((0, 0, -1))
-        towards = face.matrix_world.to_3x3() @ Vector(harmonics[1:4])
+        towards = surface_object.world_frame(face).to_3x3() @ Vector(harmonics[1:4])
         assert shines.normalized().dot(towards.normalized()) < -0.9999
         assert sun.data.energy == pytest.approx(
             2 * np.pi * np.linalg.norm(harmonics[1:4])
@@ -151,7 +167,8 @@ def test_facts_stay_with_the_object(empty_scene, tmp_path):
     assert [row["status"] for row in report] == ["used"] * 3 + ["no_face"]
     assert scene.stored(face, scene.PHOTOS, [])[0]["size"] == list(faces.SIZE)
     saved = face_file.saved(face)
-    assert saved.landmark_schemes == ("40",) * 3 and len(saved.cameras) == 3
+    assert [m.scheme for m in saved.landmarks] == ["40"] * 3
+    assert len(saved.cameras) == 3
 
 
 def test_a_second_run_updates_the_same_object(empty_scene, tmp_path):
@@ -194,7 +211,8 @@ def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, upda
     if fault == "camera":
         result = dataclasses.replace(result, cameras=result.cameras[:2])
     elif fault == "light":
-        few = SimpleNamespace(lights=result.photometric.lights[:2])
+        lights = result.photometric.lights[:2]
+        few = dataclasses.replace(result.photometric, lights=lights)
         result = dataclasses.replace(result, photometric=few)
     else:
         maps = {"NO SUCH MAP": Map(np.zeros((4, 4, 3)))}
@@ -235,7 +253,9 @@ def test_texture_coordinates_are_u_and_v(empty_scene, tmp_path):
     mesh.uv_layers[0].data.foreach_get("uv", uv)
     corner = np.empty(len(mesh.loops), np.int32)
     mesh.loops.foreach_get("vertex_index", corner)
-    xyz = np.array([v.co for v in mesh.vertices])[corner]
+    xyz = surface_object.from_local(face, np.array([v.co for v in mesh.vertices]))[
+        corner
+    ]
     np.testing.assert_allclose(
         xyz, result.surface.evaluate(*uv.reshape(-1, 2).astype(float).T), atol=2e-3
     )

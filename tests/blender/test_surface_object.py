@@ -4,9 +4,12 @@ import bpy
 import numpy as np
 import pytest
 from blender.checkout import load
+from mathutils import Matrix, Vector
 
 surface_object = load("bsface_addon.surface_object")
 bspline = load("core.surface.bspline")
+# Half a unit in the last place of coordinates below 0.25 m.
+FLOAT32_MM = 1.6e-5
 
 
 def face_like(m, n):
@@ -22,7 +25,7 @@ def evaluated(obj):
     xyz = np.empty(len(mesh.vertices) * 3, np.float32)
     mesh.vertices.foreach_get("co", xyz)
     obj.evaluated_get(depsgraph).to_mesh_clear()
-    return xyz.reshape(-1, 3).astype(float)
+    return surface_object.from_local(obj, xyz.reshape(-1, 3).astype(float))
 
 
 @pytest.mark.parametrize("count", [(40, 40), (7, 12)])
@@ -42,16 +45,16 @@ def test_normals_point_out_of_the_face(empty_scene):
     obj = surface_object.create(bpy.context, "face", face_like(12, 10))
     depsgraph = bpy.context.evaluated_depsgraph_get()
     mesh = obj.evaluated_get(depsgraph).to_mesh()
-    assert np.mean([polygon.normal.z for polygon in mesh.polygons]) > 0.5
+    assert np.mean([polygon.normal.y for polygon in mesh.polygons]) < -0.5
     assert all(polygon.use_smooth for polygon in mesh.polygons)
 
 
-def test_reading_back_returns_float32_of_what_was_written(empty_scene):
+def test_reading_back_returns_what_was_written_but_for_float32(empty_scene):
     points = face_like(9, 6)
     obj = surface_object.create(bpy.context, "face", points)
     back = surface_object.read(obj)
     assert back.dtype == np.float64
-    np.testing.assert_array_equal(back, points.astype(np.float32))
+    np.testing.assert_allclose(back, points, atol=FLOAT32_MM)
     assert surface_object.shape(obj) == (9, 6)
 
 
@@ -69,8 +72,8 @@ def test_same_size_is_written_in_place(empty_scene):
     data = obj.data
     surface_object.write(bpy.context, obj, face_like(6, 6) * 2)
     assert obj.data == data
-    np.testing.assert_array_equal(
-        surface_object.read(obj), (face_like(6, 6) * 2).astype(np.float32)
+    np.testing.assert_allclose(
+        surface_object.read(obj), face_like(6, 6) * 2, atol=FLOAT32_MM
     )
 
 
@@ -92,7 +95,7 @@ def test_edits_of_the_artist_are_read_in_edit_mode(empty_scene):
     obj.select_set(True)
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.curve.select_all(action="SELECT")
-    bpy.ops.transform.translate(value=(1, 2, 3))
+    bpy.ops.transform.translate(value=(0.001, -0.003, 0.002))
     back = surface_object.read(obj)
     np.testing.assert_allclose(back, face_like(6, 6) + [1, 2, 3], atol=1e-4)
     assert surface_object.selected(obj).all()
@@ -112,10 +115,9 @@ def test_shape_key_keeps_the_order_and_the_basis(empty_scene):
     obj = surface_object.create(bpy.context, "face", points)
     smile = points + np.linspace(0, 3, 90).reshape(6, 5, 3)
     surface_object.add_shape_key(obj, "Smile", smile)
-    np.testing.assert_array_equal(surface_object.read(obj), points.astype(np.float32))
-    np.testing.assert_array_equal(
-        surface_object.read(obj, "Smile"), smile.astype(np.float32)
-    )
+    np.testing.assert_allclose(surface_object.read(obj), points, atol=FLOAT32_MM)
+    smiling = surface_object.read(obj, "Smile")
+    np.testing.assert_allclose(smiling, smile, atol=FLOAT32_MM)
     obj.data.shape_keys.key_blocks["Smile"].value = 1.0
     surface_object.set_resolution(obj, 2)
     expected = bspline.BSplineSurface(smile).grid(12, 10).reshape(-1, 3)
@@ -157,20 +159,40 @@ def test_bad_control_points_leave_nothing_behind(empty_scene, bad):
     assert not bpy.data.objects and not bpy.data.curves
 
 
-def test_upright_and_life_size(empty_scene):
-    matrix = surface_object.upright(bpy.context)
-    np.testing.assert_allclose(matrix @ matrix.to_3x3().col[0].xyz * 0, [0, 0, 0])
+def test_the_object_itself_has_no_scale_and_no_rotation(empty_scene):
+    empty_scene.unit_settings.scale_length = 0.01
+    points = face_like(5, 5)
+    obj = surface_object.create(bpy.context, "face", points, scale=2.0)
+    assert obj.matrix_world == Matrix()
+    # Twice life size in centimetres, upright in Blender's front view.
+    x, y, z = np.moveaxis(0.2 * points, -1, 0)
+    stored = np.array([point.co[:3] for point in obj.data.splines[0].points])
+    expected = np.stack([x, -z, y], -1).transpose(1, 0, 2).reshape(-1, 3)
+    np.testing.assert_allclose(stored, expected, atol=1e-5)
+    frame = surface_object.world_frame(obj)
     np.testing.assert_allclose(
-        [(matrix @ bspline_axis) for bspline_axis in _axes()],
-        np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]) * 0.001,
-        atol=1e-9,
+        [frame @ Vector(p) for p in points[0]], np.stack([x, -z, y], -1)[0], atol=1e-5
     )
+    local = surface_object.to_local(obj, points)
+    np.testing.assert_allclose(surface_object.from_local(obj, local), points)
 
 
-def _axes():
-    from mathutils import Vector
-
-    return [Vector((1, 0, 0)), Vector((0, 1, 0)), Vector((0, 0, 1))]
+def test_objects_of_the_first_version_keep_their_own_coordinates(empty_scene):
+    """They hold millimetres and the core's axes; their matrix makes them life size."""
+    obj = surface_object.create(bpy.context, "face", face_like(6, 5))
+    points = np.zeros((30, 4), np.float32)
+    points[:, :3] = face_like(6, 5).transpose(1, 0, 2).reshape(-1, 3)
+    points[:, 3] = 1
+    del obj[surface_object.UNIT_KEY]
+    obj.data.splines[0].points.foreach_set("co", points.ravel())
+    obj.matrix_world = surface_object.UPRIGHT @ Matrix.Scale(0.001, 4)
+    np.testing.assert_allclose(surface_object.read(obj), face_like(6, 5), atol=1e-5)
+    assert surface_object.world_frame(obj) == obj.matrix_world
+    moved = face_like(6, 5) + (1, 2, 3)
+    surface_object.write(bpy.context, obj, moved)
+    surface_object.add_shape_key(obj, "Smile", moved + 1)
+    np.testing.assert_allclose(surface_object.read(obj), moved, atol=1e-4)
+    np.testing.assert_allclose(surface_object.read(obj, "Smile"), moved + 1, atol=1e-4)
 
 
 def test_survives_saving_and_loading(empty_scene, tmp_path):
@@ -179,6 +201,5 @@ def test_survives_saving_and_loading(empty_scene, tmp_path):
     path = str(tmp_path / "face.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
-    np.testing.assert_array_equal(
-        surface_object.read(bpy.data.objects["face"]), points.astype(np.float32)
-    )
+    back = surface_object.read(bpy.data.objects["face"])
+    np.testing.assert_allclose(back, points, atol=FLOAT32_MM)

@@ -1,7 +1,5 @@
 """What the 3D views show: nothing in the way, maps as they are, the view given back."""
 
-import dataclasses
-
 import bpy
 import numpy as np
 import pytest
@@ -159,14 +157,10 @@ def mixed(addon, tmp_path):
     count = len(template.expression_modes)
     mixtures = np.random.default_rng(0).normal(size=(3, count))
     mixtures[0] = 0
-    result = dataclasses.replace(
-        faces.reconstruction(tmp_path / "photos"), expressions=mixtures
-    )
+    result = faces.reconstruction(tmp_path / "photos", mixtures=mixtures)
     face = scene.place(bpy.context, result, "Ann")
-    personalise_landmarks = load("core.solve.known_face").personalise_landmarks
-    known = personalise_landmarks(
-        result.surface, template.resampled(result.surface.shape)
-    )
+    known_face = load("core.solve.known_face").known_face
+    known = known_face(result.surface, template.resampled(result.surface.shape))
     return face, [known.with_expression(e) for e in mixtures]
 
 
@@ -174,7 +168,8 @@ def drawn(face, steps):
     """The surface as Blender shows it, on a grid."""
     surface_object.set_resolution(face, steps)
     found = face.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
-    return np.array([vertex.co for vertex in found.vertices])
+    local = np.array([vertex.co for vertex in found.vertices])
+    return surface_object.from_local(face, local)
 
 
 def test_a_photo_shows_its_own_expression_and_the_calm_face_comes_back(mixed):

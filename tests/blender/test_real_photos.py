@@ -39,12 +39,15 @@ def reprojection(face):
     template = load("core.surface.template").load_template()
     surface, saved = face_file.surface(face), face_file.saved(face)
     uv = template.landmark_uv
-    world = [face.matrix_world @ Vector(q) for q in surface.evaluate(*uv.T)]
+    world = [
+        surface_object.world_frame(face) @ Vector(q) for q in surface.evaluate(*uv.T)
+    ]
     normals = surface.normals(*uv.T)
     rows = {row.name: row for row in bpy.context.scene.bsface.photos}
     ways = []
     views = {view[cameras.PHOTO_KEY]: view for view in cameras.of_face(face)}
-    for name, core in zip(saved.camera_photos, saved.cameras, strict=True):
+    for photo, core in zip(saved.photos, saved.cameras, strict=True):
+        name = photo.name
         cameras.look_through(bpy.context, views[name])
         bpy.context.view_layer.update()
         width, height = views[name][cameras.SIZE_KEY]
