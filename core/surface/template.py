@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -116,7 +117,7 @@ class Template:
         return Template(**fields)
 
 
-def load_template(path: str | Path | None = None) -> Template:
+def load_template(path: str | os.PathLike | None = None) -> Template:
     """Read a template file.
 
     Parameters
