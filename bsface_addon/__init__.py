@@ -6,7 +6,9 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import (
+    cameras,
     headless,
+    material,
     panels,
     photo_panels,
     preferences,
@@ -48,18 +50,41 @@ MODULES = (
 
 @persistent
 def stop_job(*_):
-    """A job belongs to the file it was started in."""
+    """A job belongs to the file it was started in, and so do the kept photos."""
     running.end(bpy.context)
+    session.current().solver.forget()
+
+
+@persistent
+def upgrade(*_):
+    """Files of earlier versions get the names of now."""
+    material.upgrade()
+
+
+@persistent
+def follow_undo(*_):
+    """Views are not part of undo."""
+    cameras.follow_undo(bpy.context)
+
+
+HANDLERS = (
+    (bpy.app.handlers.load_pre, stop_job),
+    (bpy.app.handlers.load_post, upgrade),
+    (bpy.app.handlers.undo_post, follow_undo),
+    (bpy.app.handlers.redo_post, follow_undo),
+)
 
 
 def register():
     for module in MODULES:
         module.register()
-    bpy.app.handlers.load_pre.append(stop_job)
+    for handlers, function in HANDLERS:
+        handlers.append(function)
 
 
 def unregister():
     running.end(bpy.context)
-    bpy.app.handlers.load_pre.remove(stop_job)
+    for handlers, function in HANDLERS:
+        handlers.remove(function)
     for module in reversed(MODULES):
         module.unregister()

@@ -23,6 +23,7 @@ def apply_result(
     *,
     face: bpy.types.Object | None = None,
     scale: float = 1.0,
+    select: bool = True,
 ) -> bpy.types.Object:
     """Put an outcome into the scene, the photo list and the hints.
 
@@ -32,6 +33,8 @@ def apply_result(
         A face made earlier, which is updated; by default a new one is made.
     scale : float
         Size of a new face; 1 is life size.
+    select : bool
+        See `scene.place`.
 
     Returns
     -------
@@ -40,7 +43,13 @@ def apply_result(
     """
     result = outcome.result
     face = scene.place(
-        context, result, request.name, face=face, scale=scale, maps=outcome.maps
+        context,
+        result,
+        request.name,
+        face=face,
+        scale=scale,
+        maps=outcome.maps,
+        select=select,
     )
     state = context.scene.bsface
     state.face = face

@@ -104,6 +104,8 @@ def add(face, name, camera, photo, collection):
     set_lens(data, camera, photo.size, unit)
     obj = bpy.data.objects.new(name, data)
     collection.objects.link(obj)
+    # Forty of them hide the face.
+    obj.hide_viewport = True
     rig.attach(obj, face, camera_to_head(camera, photo.size))
     obj[PHOTO_KEY] = photo.name
     obj[SIZE_KEY] = [int(photo.size[0]), int(photo.size[1])]
@@ -177,15 +179,31 @@ def of_face(face):
     return rig.members(face, "CAMERA")
 
 
+def are_shown(context, face):
+    """Whether the cameras are drawn in the view, besides the one looked through."""
+    now = context.scene.camera
+    return any(not view.hide_viewport for view in of_face(face) if view != now)
+
+
+def set_shown(context, face, show):
+    """Draw the cameras in the view or hide them; a hidden one shows no photo."""
+    for view in of_face(face):
+        view.hide_viewport = not show and view != context.scene.camera
+
+
 def look_through(context, camera, switch_views=True):
     """Make it the scene's camera; the frame gets the photo's proportions."""
     scene, render = context.scene, context.scene.render
+    face = rig.face_of(camera)
+    shown = face is not None and are_shown(context, face)
     first = scene.camera is None or PHOTO_KEY not in scene.camera
     if first:
         scene[FRAME_BEFORE] = json.dumps(frame(context))
     render.resolution_x, render.resolution_y = camera[SIZE_KEY]
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     scene.camera = camera
+    if face is not None:
+        set_shown(context, face, shown)
     if switch_views:
         _remember_views(context, first)
         for region in views(context):
@@ -194,15 +212,34 @@ def look_through(context, camera, switch_views=True):
 
 def leave_views(context):
     """Views, camera and frame as they were before `look_through`."""
+    _restore_views(context)
+    scene = context.scene
+    camera = scene.camera
+    if camera is not None and PHOTO_KEY in camera:
+        face = rig.face_of(camera)
+        if face is not None:
+            camera.hide_viewport = not are_shown(context, face)
+        set_frame(context, json.loads(scene.get(FRAME_BEFORE, "{}")))
+    scene.pop(FRAME_BEFORE, None)
+
+
+def follow_undo(context):
+    """Views that undo has left behind the scene's own camera look as before.
+
+    Undo takes the photo's camera away from the scene, but views are not part of it.
+    """
+    camera = context.scene.camera
+    through_photo = camera is not None and SIZE_KEY in camera
+    if not through_photo and VIEWS_BEFORE in context.window_manager:
+        _restore_views(context)
+
+
+def _restore_views(context):
     before = _views_before(context)
     for region, then in zip(views(context), before, strict=True):
         if region.view_perspective == "CAMERA":
             set_view(region, then)
     context.window_manager.pop(VIEWS_BEFORE, None)
-    scene = context.scene
-    if scene.camera is not None and PHOTO_KEY in scene.camera:
-        set_frame(context, json.loads(scene.get(FRAME_BEFORE, "{}")))
-    scene.pop(FRAME_BEFORE, None)
 
 
 def frame(context):
@@ -264,14 +301,20 @@ def keep_state(old, new):
     new.hide_viewport, new.hide_render = old.hide_viewport, old.hide_render
     if new.type == "CAMERA":
         for before in old.data.background_images:
-            put_photo(new, before.display_depth == "FRONT")
+            put_photo(new, before.display_depth == "FRONT", before.alpha)
 
 
-def put_photo(view, front):
-    """The photo half transparent before the surface, or opaque behind it."""
+def in_front(face):
+    """Whether the photos stand in front of the surface."""
+    slots = [slot for view in of_face(face) for slot in view.data.background_images]
+    return bool(slots) and slots[0].display_depth == "FRONT"
+
+
+def put_photo(view, front, opacity=0.5):
+    """The photo in front of the surface with an opacity, or opaque behind it."""
     for slot in view.data.background_images:
         slot.display_depth = "FRONT" if front else "BACK"
-        slot.alpha = 0.5 if front else 1.0
+        slot.alpha = opacity if front else 1.0
 
 
 def views(context):

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
+import numpy as np
+
+from ..core.drawing.pictures import encode_png
+from ..core.files import write_bytes
 from . import face_file
 
 
@@ -24,17 +29,8 @@ def write(path, face, trimmed=True, tolerance=0.05):
     return export(path, saved, trimmed=trimmed, tolerance=tolerance, name=face.name)
 
 
-def write_image(path, image):
-    """Write a map as a PNG whose top row is the forehead."""
-    import numpy as np
-
-    from ..core.drawing.pictures import encode_png
-    from ..core.files import write_bytes
-
-    width, height = image.size
-    pixels = np.empty(width * height * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    # Row 0 of the map is v = 0, the forehead, in Blender at the picture's bottom.
-    rgb = pixels.reshape(height, width, 4)[..., :3]
-    picture = np.round(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
-    return write_bytes(Path(path), encode_png(picture))
+def write_map(path: Path, png: bytes) -> Path:
+    """Write the packed file of a map as a PNG whose top row is the forehead."""
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    # Row 0 of a map is v = 0, the forehead, in Blender at the picture's bottom.
+    return write_bytes(path, encode_png(picture[::-1, :, ::-1]))

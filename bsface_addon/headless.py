@@ -81,7 +81,7 @@ def reconstruct(options):
 
     from ..core.errors import ReconstructionError
     from ..core.images.folder import list_photos
-    from . import arguments, scene, session
+    from . import arguments, session, showing
     from .apply_result import apply_result
     from .console import Console
     from .request import from_panel, parsed
@@ -111,7 +111,7 @@ def reconstruct(options):
         console.close()
     face = apply_result(bpy.context, request, outcome, scale=options.size)
     if not bpy.data.filepath:
-        scene.present(bpy.context, face)
+        showing.present(bpy.context, face)
     written = _write(bpy, output, outcome, options)
     return _facts(face, outcome.result, written, console.say)
 

@@ -1,18 +1,34 @@
 """Pictures over (u, v) for the surface, from the core's results; no Blender in here.
 
-Row j of a picture is v_j, so its first row is the forehead; sRGB-encoded.
+They are PNG files, so that Blender has nothing to do but to keep them: made by the
+thread that solves, read when they are drawn.  The last row of each is v = 0, the
+forehead, because texture coordinates start at the bottom; outside of the face's outline
+they are transparent.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
+
+from ..core._types import Array
+from ..core.drawing.maps import confidence_map, residual_map
+from ..core.drawing.pictures import colour_map, encode_png
+from ..core.images.colour import to_picture
+from ..core.result import Reconstruction
+from ..core.surface.bspline import BSplineSurface
+from ..core.texture.bake import Texture
 
 RESOLUTION = 512
 # Relative difference between photo and surface that gets the last colour.
 RESIDUAL_TOP = 0.3
+# The colour of a face without a map, sRGB.
+PLAIN = (206, 173, 155)
+# The outline in parts of a pixel, as powers of two (OpenCV).
+SHIFT = 4
 
 
 @dataclass(frozen=True)
@@ -21,57 +37,83 @@ class Map:
 
     Attributes
     ----------
-    pixels : (h, w, 3) uint8 array, or floats in [0, 1]
+    png : bytes
+        RGBA.
     legend : str
         What its colours mean, one line.
     """
 
-    pixels: Any
+    png: bytes
     legend: str = ""
 
 
-def all_maps(result, texture=None):
+def all_maps(result: Reconstruction, texture: Texture | None = None) -> dict[str, Map]:
     """All maps of a reconstruction by kind; see `material.MAPS`.
 
     Parameters
     ----------
-    result : core Reconstruction
-    texture : core Texture, optional
+    result : Reconstruction
+    texture : Texture, optional
         Without it there is no skin.
     """
-    from ..core.drawing.maps import confidence_map, residual_map
-    from ..core.drawing.pictures import colour_map
-    from ..core.images.colour import to_picture
-
-    found = {"NORMALS": normals(result.surface)}
+    outline = result.template.outline_uv
+    plain = np.full((RESOLUTION, RESOLUTION, 3), PLAIN, np.uint8)
+    found = {
+        "PLAIN": painted(plain, outline),
+        "NORMALS": normals(result.surface, outline),
+    }
     residual = None
     if texture is not None:
-        found["SKIN"] = Map(to_picture(texture.albedo))
-        found["PHOTO"] = Map(to_picture(texture.mean))
+        found["SKIN"] = painted(to_picture(texture.albedo), outline)
+        found["PHOTO"] = painted(to_picture(texture.mean), outline)
         residual = texture.residual
     if result.photometric is not None:
         measured = residual_map(result.photometric, RESOLUTION)
         residual = residual if measured is None else measured
     if residual is not None:
-        found["RESIDUAL"] = Map(
+        found["RESIDUAL"] = painted(
             colour_map(residual, 0.0, RESIDUAL_TOP, "magma"),
+            outline,
             f"Dark: photos and surface agree; light: {RESIDUAL_TOP:.0%} apart; "
             "grey: not measured",
         )
     if result.deviation is not None:
-        values = confidence_map(result.deviation, RESOLUTION)
-        top = float(np.percentile(values, 98))
-        found["CONFIDENCE"] = Map(
-            colour_map(values, 0.0, top),
-            f"Standard deviation, from dark: 0 to yellow: {top:.1f} mm",
-        )
+        found["DEVIATION"] = _deviation(result.deviation, outline)
     return found
 
 
-def normals(surface):
+def normals(surface: BSplineSurface, outline_uv: Array) -> Map:
     """Normals as colours: red is x (the picture's right), green y (up), blue z."""
     at = (np.arange(RESOLUTION) + 0.5) / RESOLUTION
-    return Map(
-        (surface.normals(*np.meshgrid(at, at)) + 1) / 2,
+    colours = (surface.normals(*np.meshgrid(at, at)) + 1) / 2
+    return painted(
+        np.round(255 * colours).astype(np.uint8),
+        outline_uv,
         "Red: to the picture's right, green: up, blue: to the camera",
+    )
+
+
+def painted(pixels: NDArray[np.uint8], outline_uv: Array, legend: str = "") -> Map:
+    """A `Map` of an (h, w, 3) picture whose row j is v_j, cut out at the outline."""
+    rgba = np.dstack([pixels, inside(outline_uv, *pixels.shape[:2])])
+    return Map(encode_png(np.ascontiguousarray(rgba[::-1])), legend)
+
+
+def inside(outline_uv: Array, height: int, width: int) -> NDArray[np.uint8]:
+    """255 inside of the outline, 0 outside, between them at its border."""
+    corners = np.asarray(outline_uv) * (width, height) - 0.5
+    mask = np.zeros((height, width), np.uint8)
+    whole = np.round(corners * 2**SHIFT).astype(np.int32)
+    return cv2.fillPoly(mask, [whole], (255,), cv2.LINE_AA, SHIFT)
+
+
+def _deviation(deviation: Array, outline_uv: Array) -> Map:
+    """Colours from the least to the largest deviation inside the outline."""
+    values = confidence_map(deviation, RESOLUTION)
+    seen = values[inside(outline_uv, RESOLUTION, RESOLUTION) > 127]
+    low, top = (float(x) for x in np.percentile(seen, (1, 99)))
+    return painted(
+        colour_map(values, low, top),
+        outline_uv,
+        f"Standard deviation of the surface: dark {low:.2f} mm, yellow {top:.2f} mm",
     )

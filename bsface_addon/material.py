@@ -1,33 +1,38 @@
 """The face's material and the maps that can be shown on the surface.
 
 A NURBS surface has no attributes or colours per point, but Blender gives it UVs:
-``(u, v)`` of the core.  So every map is an image whose row j is v_j; as Blender's rows
-start at the bottom and v runs down, arrays go in as they are.
+``(u, v)`` of the core.  So every map is a picture over (u, v), see `maps`.
 """
 
 from __future__ import annotations
 
-import bpy
-import numpy as np
+from collections.abc import Container
 
-# kind -> the label of its image and whether the light of the scene falls on it
+import bpy
+
+from .maps import Map
+
+# kind -> the name of its image and whether the light of the scene falls on it
 MAPS = {
-    "SKIN": ("skin", True),
-    "PHOTO": ("photo texture", False),
-    "NORMALS": ("normals", False),
-    "RESIDUAL": ("residual", False),
-    "CONFIDENCE": ("confidence", False),
+    "SKIN": ("Skin", True),
+    "PHOTO": ("Photo Texture", False),
+    "NORMALS": ("Normals", False),
+    "RESIDUAL": ("Residual", False),
+    "DEVIATION": ("Deviation", False),
 }
 PLAIN = (0.62, 0.42, 0.33, 1.0)
 KIND_KEY = "bsface_map"
 LEGEND_KEY = "bsface_legend"
+WHOLE_KEY = "bsface_whole"
+# Names of kinds in files of version 0.1.
+OLD_KINDS = {"CONFIDENCE": "DEVIATION"}
 
 
-def of_face(face):
+def of_face(face: bpy.types.Object) -> bpy.types.Material:
     """The face's own material; made where it has none yet."""
-    for material in face.data.materials:
-        if material is not None and material.get("bsface"):
-            return material
+    found = existing(face)
+    if found is not None:
+        return found
     material = bpy.data.materials.new(f"BSface {face.name}")
     material["bsface"] = True
     _nodes(material)
@@ -35,114 +40,155 @@ def of_face(face):
     return material
 
 
-def store_map(face, kind, pixels, legend=""):
+def existing(face: bpy.types.Object) -> bpy.types.Material | None:
+    """The face's own material, or None; nothing is made."""
+    for material in face.data.materials:
+        if material is not None and material.get("bsface") and material.node_tree:
+            return material
+    return None
+
+
+def store_map(face: bpy.types.Object, kind: str, found: Map) -> bpy.types.Image:
     """Keep a map with the face, packed into the file.
 
     Parameters
     ----------
     kind : str
-        A key of `MAPS`.
-    pixels : (h, w, 3) array
-        Row j is v_j (top of the face first), column i is u_i; uint8, or floats in
-        [0, 1]; sRGB-encoded colours.
-    legend : str
-        What the colours mean, for the panel.
-
-    Returns
-    -------
-    bpy.types.Image
+        A key of `MAPS`, or "PLAIN".
+    found : Map
     """
-    values = np.asarray(pixels)
-    if values.dtype.kind == "u":
-        values = values / float(np.iinfo(values.dtype).max)
-    height, width = values.shape[:2]
-    image = stored_map(face, kind)
-    if image is None:
-        image = bpy.data.images.new(f"{face.name} {MAPS[kind][0]}", width, height)
-        image[KIND_KEY] = kind
-    elif tuple(image.size) != (width, height):
-        image.scale(width, height)
-    image[LEGEND_KEY] = legend
-    rgba = np.ones((height, width, 4), np.float32)
-    rgba[..., :3] = np.clip(values[..., :3], 0, 1)
-    image.pixels.foreach_set(rgba.ravel())
-    image.update()
-    image.pack()
-    _remember(face, kind, image)
+    name = "Plain" if kind == "PLAIN" else MAPS[kind][0]
+    node = _node(face, kind)
+    old = node.image
+    image = bpy.data.images.new(f"{face.name} {name}", 1, 1)
+    image.pack(data=found.png, data_len=len(found.png))
+    image.source = "FILE"
+    image[KIND_KEY], image[LEGEND_KEY] = kind, found.legend
+    _cut(image, is_trimmed(face))
+    node.image = image
+    if old is not None and old.users == 0:
+        title = old.name
+        bpy.data.images.remove(old)
+        image.name = title
     return image
 
 
-def stored_map(face, kind):
+def drop_others(face: bpy.types.Object, kinds: Container[str]) -> None:
+    """Remove maps of an earlier run that the newest one could not make."""
+    nodes = of_face(face).node_tree.nodes
+    for kind in stored_kinds(face):
+        if kind not in kinds:
+            if shown(face) == kind:
+                show(face, "PLAIN")
+            image = nodes[kind].image
+            nodes.remove(nodes[kind])
+            if image.users == 0:
+                bpy.data.images.remove(image)
+
+
+def stored_map(face: bpy.types.Object, kind: str) -> bpy.types.Image | None:
     """The image of a map, or None."""
-    node = of_face(face).node_tree.nodes.get(kind)
+    material = existing(face)
+    node = material.node_tree.nodes.get(kind) if material else None
     return None if node is None else node.image
 
 
-def stored_kinds(face):
-    """Kinds of map that this face has, without making anything."""
-    for material in face.data.materials:
-        if material is not None and material.get("bsface") and material.node_tree:
-            nodes = material.node_tree.nodes
-            return [kind for kind in MAPS if nodes.get(kind) and nodes[kind].image]
-    return []
+def stored_kinds(face: bpy.types.Object) -> list[str]:
+    """Kinds of map that this face has."""
+    return [kind for kind in MAPS if stored_map(face, kind) is not None]
 
 
-def shown(face):
+def images(face: bpy.types.Object) -> list[bpy.types.Image]:
+    """The images of all maps."""
+    found = (stored_map(face, kind) for kind in (*MAPS, "Plain"))
+    return [image for image in found if image is not None]
+
+
+def shown(face: bpy.types.Object) -> str:
     """Kind of the map on the surface now, "PLAIN" for none."""
-    for material in face.data.materials:
-        if material is not None and material.get("bsface"):
-            return material.get(KIND_KEY, "PLAIN")
-    return "PLAIN"
+    material = existing(face)
+    return "PLAIN" if material is None else material.get(KIND_KEY, "PLAIN")
 
 
-def is_lit(kind):
+def is_lit(kind: str) -> bool:
     """Whether light falls on the map; measured values are shown as they are."""
     return kind == "PLAIN" or MAPS[kind][1]
 
 
-def legend(face):
+def legend(face: bpy.types.Object) -> str:
     """What the colours of the shown map mean; empty for skin and photos."""
-    kind = shown(face)
-    if kind not in stored_kinds(face):
-        return ""
-    return stored_map(face, kind).get(LEGEND_KEY, "")
+    image = stored_map(face, shown(face))
+    return "" if image is None else image.get(LEGEND_KEY, "")
 
 
-def show(face, kind):
-    """Put a stored map, or "PLAIN" for none, on the surface."""
+def show(face: bpy.types.Object, kind: str) -> None:
+    """Put a stored map, or "PLAIN" for none, on the surface.
+
+    Raises
+    ------
+    KeyError
+        The face has no such map.
+    """
+    if kind != "PLAIN" and stored_map(face, kind) is None:
+        raise KeyError(kind)
     material = of_face(face)
-    tree = material.node_tree
-    nodes, links = tree.nodes, tree.links
-    output, skin, flat = nodes["Output"], nodes["Skin"], nodes["Flat"]
-    for socket in (output.inputs["Surface"], skin.inputs["Base Color"]):
-        for link in list(socket.links):
-            links.remove(link)
-    if kind == "PLAIN":
-        links.new(skin.outputs["BSDF"], output.inputs["Surface"])
-        # Solid view keeps to the last active image; one without a picture ends that.
-        nodes.active = nodes["Plain"]
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    skin, flat, cut = nodes["Skin"], nodes["Flat"], _cutter(material)
+    shader = skin if is_lit(kind) else flat
+    colour = skin.inputs["Base Color"] if is_lit(kind) else flat.inputs["Color"]
+    for link in list(skin.inputs["Base Color"].links):
+        links.remove(link)
+    picture = nodes["Plain"] if kind == "PLAIN" else nodes[kind]
+    if picture.image is not None:
+        links.new(picture.outputs["Color"], colour)
+        links.new(picture.outputs["Alpha"], cut.inputs["Fac"])
     else:
-        texture = nodes.get(kind)
-        if texture is None or texture.image is None:
-            raise KeyError(kind)
-        if MAPS[kind][1]:
-            links.new(texture.outputs["Color"], skin.inputs["Base Color"])
-            links.new(skin.outputs["BSDF"], output.inputs["Surface"])
-        else:
-            links.new(texture.outputs["Color"], flat.inputs["Color"])
-            links.new(flat.outputs["Emission"], output.inputs["Surface"])
-        # Solid view with the colour "Texture" shows the active image node.
-        nodes.active = texture
+        for link in list(cut.inputs["Fac"].links):
+            links.remove(link)
+        cut.inputs["Fac"].default_value = 1.0
+    links.new(shader.outputs[0], cut.inputs[2])
+    # Solid view with the colour "Texture" shows the active image node.
+    nodes.active = picture
     material[KIND_KEY] = kind
 
 
-def _nodes(material):
+def is_trimmed(face: bpy.types.Object) -> bool:
+    """Whether the maps hide what lies outside of the face's outline."""
+    material = existing(face)
+    return material is None or not material.get(WHOLE_KEY, False)
+
+
+def trim(face: bpy.types.Object, on: bool) -> None:
+    """Hide what lies outside of the face's outline, or show the whole patch."""
+    of_face(face)[WHOLE_KEY] = not on
+    for image in images(face):
+        _cut(image, on)
+
+
+def upgrade() -> None:
+    """Give the materials of a file of version 0.1 the names of now."""
+    for material in bpy.data.materials:
+        if not material.get("bsface") or material.node_tree is None:
+            continue
+        for old, new in OLD_KINDS.items():
+            node = material.node_tree.nodes.get(old)
+            if node is not None:
+                node.name = new
+            if material.get(KIND_KEY) == old:
+                material[KIND_KEY] = new
+
+
+def _cut(image: bpy.types.Image, on: bool) -> None:
+    image.alpha_mode = "STRAIGHT" if on else "NONE"
+
+
+def _nodes(material: bpy.types.Material) -> None:
     if material.node_tree is None:
         material.use_nodes = True  # before Blender 5.0; deprecated since
     nodes = material.node_tree.nodes
     nodes.clear()
     for name, kind, place in (
-        ("Output", "ShaderNodeOutputMaterial", (300, 0)),
+        ("Output", "ShaderNodeOutputMaterial", (500, 0)),
         ("Skin", "ShaderNodeBsdfPrincipled", (0, 0)),
         ("Flat", "ShaderNodeEmission", (0, -420)),
         ("Plain", "ShaderNodeTexImage", (-340, 300)),
@@ -153,13 +199,29 @@ def _nodes(material):
     nodes["Skin"].inputs["Roughness"].default_value = 0.5
     material.diffuse_color = PLAIN
     material.roughness = 0.5
-    material.node_tree.links.new(
-        nodes["Skin"].outputs["BSDF"], nodes["Output"].inputs["Surface"]
-    )
+    _cutter(material)
 
 
-def _remember(face, kind, image):
+def _cutter(material: bpy.types.Material) -> bpy.types.Node:
+    """The node that lets through what a map's transparency takes away."""
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    cut = nodes.get("Cut")
+    if cut is None:
+        cut = nodes.new("ShaderNodeMixShader")
+        clear = nodes.new("ShaderNodeBsdfTransparent")
+        cut.name, cut.location = "Cut", (300, 0)
+        clear.name, clear.location = "Clear", (100, 160)
+        links.new(clear.outputs[0], cut.inputs[1])
+        links.new(cut.outputs[0], nodes["Output"].inputs["Surface"])
+        cut.inputs["Fac"].default_value = 1.0
+        links.new(nodes["Skin"].outputs[0], cut.inputs[2])
+    return cut
+
+
+def _node(face: bpy.types.Object, kind: str) -> bpy.types.Node:
     nodes = of_face(face).node_tree.nodes
+    if kind == "PLAIN":
+        return nodes["Plain"]
     node = nodes.get(kind)
     if node is None:
         node = nodes.new("ShaderNodeTexImage")
@@ -167,4 +229,4 @@ def _remember(face, kind, image):
         node.location = (-340, -300 * list(MAPS).index(kind))
         # The surface ends at its own border; repeating would bleed the other side in.
         node.extension = "EXTEND"
-    node.image = image
+    return node

@@ -7,8 +7,13 @@ from __future__ import annotations
 
 import platform
 import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from ..core.errors import FailureCode
+
+if TYPE_CHECKING:
+    from .job import Job
 
 # Statuses of a photo with which nothing is wrong: the icon of their row.
 FINE = {"waiting": "BLANK1", "found": "CHECKMARK", "used": "CHECKMARK"}
@@ -39,7 +44,8 @@ ADVICE = {
 
 NO_PHOTOS = "Add photos of one person first"
 NO_FOLDER = "Choose a folder with photos of one person"
-RUNNING = "Wait for the running job, or press Esc over the 3D view to stop it"
+RUNNING = "Wait for the running job, or press Cancel"
+NOTHING_RUNS = "No job runs"
 NO_FACE_OBJECT = "Select a face that BSface made, or press Reconstruct first"
 SURROUNDED = "{name} surrounds the face and hides the photos behind it"
 HIDE = "Hide {name}"
@@ -53,11 +59,16 @@ NONE_FOUND = "No landmarks were found in {name}; import them from a file"
 NOTHING_DETECTED = "No photo has landmarks yet; press Detect All or load a file"
 NO_EDITOR = "Press Edit Landmarks first"
 BAD_EDIT = "The landmarks hold {why}; undo until all points are back"
-FOUND = "Faces found in {found} of {all} photos"
+FOUND = "Faces found in {found} of {photos}"
 FACES = "This photo shows {count} faces; Edit Landmarks shows which one is taken"
 MOVED = "{count} landmarks were moved"
 NOT_WRITTEN = "The file could not be written: {why}"
 NO_CAMERA_OF = "No camera belongs to {name!r}; photos that were left out have none"
+NO_PHOTO_VIEW = "Not looking through a photo"
+LIGHT_UNSEEN = (
+    "Solid shading does not show lights: choose Rendered, or Material Preview with "
+    "Scene Lights"
+)
 NO_LIGHT = "No light was estimated for this photo"
 NO_MAP = "{name} has no {map} map; reconstruct it with shading"
 MESH = "A mesh of {count} triangles was made"
@@ -66,12 +77,16 @@ NO_EXPRESSION = "No ticked photo has the expression {name!r}; set it in the phot
 KEY = "Shape key {name} made"
 WROTE = "Wrote {path}"
 COPIED = "The information is in the clipboard; paste it into your report"
+LEFTOVERS = "Cameras and suns of a face that was deleted are still there"
+NO_LEFTOVERS = "Nothing is left of deleted faces"
+REMOVED = "{count} objects of deleted faces were removed"
 NO_SUCH_FILES = "The photos of {name} are not where they were; add them to the list"
 CAPTURE = (
     "10 to 40 sharp photos of one person with a calm face: from the front, and up to "
     "45 degrees from either side.",
     "Let the light change from photo to photo: its shading gives the fine shape.",
 )
+CHOOSING = ("Choose photos,", "or choose none:", "all of the folder are added.")
 EDITING = (
     "Select points and press G to move them onto the picture. Points that you move "
     "count more than detected ones."
@@ -80,7 +95,7 @@ EXPRESSIONS = (
     "Give the photos of one expression a word, such as Smile; "
     "each word becomes a shape key."
 )
-MAKE_KEY = "Make Shape Key {name} ({count} photos)"
+MAKE_KEY = "Make Shape Key {name} ({photos})"
 MISSING = (
     "The library {missing} is missing; install the BSface zip that fits this Blender "
     "and platform, not the source folder"
@@ -93,9 +108,31 @@ NO_MEMORY = "There is not enough memory; use fewer photos or fewer control point
 BAD_SETTINGS = "The settings are not usable: {why}"
 
 
+def plural(count: int, noun: str) -> str:
+    """``"1 photo"``, ``"2 photos"``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def quality(facts: Mapping[str, float | int | None]) -> str:
+    """How well the photos fix the face, in numbers; empty where nothing is known.
+
+    Parameters
+    ----------
+    facts : mapping
+        See `scene.quality_facts`.
+    """
+    if not facts:
+        return ""
+    parts = [f"{facts['used']} of {plural(facts['photos'], 'photo')} used"]
+    if facts["deviation_mm"] is not None:
+        parts.append(f"typical deviation {facts['deviation_mm']:.1f} mm")
+    parts.append(f"eyes {facts['eyes_px']:.0f} pixels apart")
+    return "; ".join(parts) + "."
+
+
 def counts(numbers):
     """The line over the photo list; what is zero or goes without saying is left out."""
-    parts = [f"{numbers['all']} photos"]
+    parts = [plural(numbers["all"], "photo")]
     if numbers["use"] < numbers["all"]:
         parts.append(f"{numbers['use']} ticked")
     if numbers["used"]:
@@ -105,17 +142,17 @@ def counts(numbers):
     return ", ".join(parts)
 
 
-def added(count, given):
+def added(count: int, given: int) -> str:
     """The sentence after adding photos."""
     if count == given:
-        return f"{count} photos added"
-    return f"{count} photos added, {given - count} were in the list already"
+        return f"{plural(count, 'photo')} added"
+    return f"{plural(count, 'photo')} added, {given - count} in the list already"
 
 
 def done(face, reports):
     """The sentence after a run."""
     used = sum(report.status == "used" for report in reports)
-    return f"{face.name}: {used} of {len(reports)} photos used"
+    return f"{face.name}: {used} of {plural(len(reports), 'photo')} used"
 
 
 def photo_status(code: str) -> tuple[str, str, str]:
@@ -139,26 +176,29 @@ STAGES = {
 }
 
 
-def progress_line(running):
-    """Stage, its count and the time left of a running job."""
+def progress_line(running: Job) -> str:
+    """Stage of a running job, and how far it is."""
     step = running.step
     if step is None:
         return "Starting"
     line = STAGES.get(step.stage, step.stage)
-    if step.total > 1:
-        line += f" {step.done}/{step.total}"
+    return f"{line} {step.done}/{step.total}" if step.total > 1 else line
+
+
+def time_left(running: Job) -> str:
+    """The time left of a running job; empty while that would be a guess."""
     left = running.remaining()
-    return line if left is None else f"{line}, {duration(left)}"
+    return "" if left is None else duration(left)
 
 
-def duration(seconds):
+def duration(seconds: float) -> str:
     """``"about 40 s left"``; minutes above a minute and a half."""
     if seconds > 90:
         return f"about {round(seconds / 60)} min left"
     return f"about {max(round(seconds), 1)} s left"
 
 
-def system_information(context=None):
+def system_information() -> str:
     """What a bug report needs, as text to paste."""
     import bpy
 
@@ -182,7 +222,7 @@ def system_information(context=None):
     return "\n".join(lines)
 
 
-def extension_version():
+def extension_version() -> str:
     """Version from the extension's manifest."""
     import tomllib
     from pathlib import Path

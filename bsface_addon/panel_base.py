@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-import textwrap
+import blf
+import bpy
 
 from . import landmark_editor, scene
+
+# Of the interface's text; and what borders, an icon and the scroll bar take.
+POINTS = 11
+MARGIN = 70
 
 
 class BSFacePanel:
@@ -29,13 +34,49 @@ class FacePanel(BSFacePanel):
         return super().poll(context) and scene.active_face(context) is not None
 
 
-def paragraph(context, layout, text, icon="NONE"):
+def paragraph(
+    context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon="NONE"
+) -> None:
     """Text wrapped to the sidebar's width."""
-    scale = context.preferences.system.ui_scale or 1.0  # 0 without a window
-    width = context.region.width if context.region else 300
-    lines = textwrap.wrap(text, max(20, int((width / scale - 60) / 6.2)))
+    room = _width(context) - MARGIN
+    lines, line = [], ""
+    for word in text.split():
+        longer = f"{line} {word}".lstrip()
+        if line and _measured(longer) > room:
+            lines.append(line)
+            longer = word
+        line = longer
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for number, line in enumerate(lines):
+    for number, part in enumerate([*lines, line]):
         sign = icon if number == 0 else ("NONE" if icon == "NONE" else "BLANK1")
-        column.label(text=line, icon=sign, translate=False)
+        column.label(text=part, icon=sign, translate=False)
+
+
+def shortened(context: bpy.types.Context, text: str, taken: float) -> str:
+    """The end of a name, which tells photos apart, where all of it has no room.
+
+    Parameters
+    ----------
+    taken : float
+        Width of what else stands in the row, in points.
+    """
+    room = _width(context) - taken
+    if _measured(text) <= room:
+        return text
+    for start in range(1, len(text) - 4):
+        if _measured(f"\N{HORIZONTAL ELLIPSIS}{text[start:]}") <= room:
+            break
+    return f"\N{HORIZONTAL ELLIPSIS}{text[start:]}"
+
+
+def _width(context: bpy.types.Context) -> float:
+    """Of the sidebar, in points."""
+    scale = context.preferences.system.ui_scale or 1.0  # 0 without a window
+    return (context.region.width if context.region else 300) / scale
+
+
+def _measured(text: str) -> float:
+    """Width of a text in Blender's font, in points."""
+    blf.size(0, POINTS)
+    return blf.dimensions(0, text)[0]

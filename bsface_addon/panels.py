@@ -12,12 +12,15 @@ from . import (
     lights,
     material,
     messages,
+    removal,
     scene,
     session,
     settings_group,
+    showing,
     surface_object,
 )
-from .panel_base import BSFacePanel, FacePanel, paragraph
+from .operators import export
+from .panel_base import BSFacePanel, FacePanel, paragraph, shortened
 
 
 class BSFACE_PT_reconstruct(BSFacePanel, bpy.types.Panel):
@@ -34,7 +37,9 @@ class BSFACE_PT_reconstruct(BSFacePanel, bpy.types.Panel):
         if running is not None:
             text = messages.progress_line(running)
             layout.progress(factor=running.fraction, type="BAR", text=text)
-            layout.label(text="Esc over the 3D view stops it")
+            row = layout.row()
+            row.label(text=messages.time_left(running), translate=False)
+            row.operator("bsface.job_cancel", icon="X")
             return
         face = scene.active_face(context)
         photos = bool(context.scene.bsface.photos)
@@ -47,7 +52,11 @@ class BSFACE_PT_reconstruct(BSFacePanel, bpy.types.Panel):
         )
         if not photos:
             layout.label(text=messages.NO_PHOTOS, icon="INFO")
-        around = scene.surrounding(context, face) if face else []
+        if removal.leftovers(context):
+            box = layout.box()
+            paragraph(context, box, messages.LEFTOVERS, icon="INFO")
+            box.operator("bsface.leftovers_remove", icon="TRASH")
+        around = showing.surrounding(context, face) if face else []
         if around:
             names = ", ".join(obj.name for obj in around)
             box = layout.box()
@@ -62,15 +71,13 @@ class BSFACE_PT_settings(BSFacePanel, bpy.types.Panel):
     bl_parent_id = "BSFACE_PT_reconstruct"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_header_preset(self, context):
-        row = self.layout.row(align=True)
-        row.menu("BSFACE_MT_presets", text="", icon="PRESET")
-        row.operator("bsface.preset_add", text="", icon="ADD", emboss=False)
-
     def draw(self, context):
         layout = self.layout
         state = context.scene.bsface
         layout.enabled = session.running() is None
+        row = layout.row(align=True)
+        row.menu("BSFACE_MT_presets", text="Presets")
+        row.operator("bsface.preset_add", text="", icon="ADD")
         _settings(layout.column(align=True), state.settings, settings_group.MAIN)
         column = layout.column(align=True)
         column.prop(state, "texture_size", text="")
@@ -110,6 +117,9 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
         across, down = surface_object.shape(face)
         text = f"{face.name}: {across} x {down} control points"
         layout.label(text=text, icon="OUTLINER_OB_SURFACE", translate=False)
+        facts = messages.quality(scene.stored(face, scene.QUALITY, {}))
+        if facts:
+            paragraph(context, layout, facts)
         editing = face.mode == "EDIT"
         layout.operator(
             "bsface.surface_net",
@@ -121,9 +131,11 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
         soft = context.scene.bsface.softness
         refit = column.operator("bsface.surface_refit", icon="FILE_REFRESH")
         refit.softness = soft
-        row = column.row(align=True)
-        for hold, text in (("SELECTED", "Hold Selected"), ("NONE", "Hold None")):
-            refit = row.operator("bsface.surface_refit", text=text)
+        for hold, text in (
+            ("SELECTED", "Refit, Holding Selected"),
+            ("NONE", "Refit, Holding None"),
+        ):
+            refit = column.operator("bsface.surface_refit", text=text)
             refit.hold, refit.softness = hold, soft
         column.prop(context.scene.bsface, "softness")
         row = layout.row(align=True)
@@ -145,7 +157,7 @@ class BSFACE_PT_texture(FacePanel, bpy.types.Panel):
         shown, stored = material.shown(face), material.stored_kinds(face)
         column = layout.column(align=True)
         labels = {"PLAIN": "Plain"}
-        labels.update({kind: name.capitalize() for kind, (name, _) in MAPS})
+        labels.update({kind: name for kind, (name, _) in MAPS})
         for kind, label in labels.items():
             row = column.row(align=True)
             row.enabled = kind in ("PLAIN", "NORMALS") or kind in stored
@@ -155,6 +167,10 @@ class BSFACE_PT_texture(FacePanel, bpy.types.Panel):
         legend = material.legend(face)
         if legend:
             paragraph(context, layout, legend, icon="INFO")
+        trimmed = material.is_trimmed(face)
+        layout.operator(
+            "bsface.surface_trim", icon="CLIPUV_HLT", depress=trimmed
+        ).trim = not trimmed
         layout.operator("bsface.texture_save", icon="IMAGE_DATA")
 
 
@@ -174,26 +190,33 @@ class BSFACE_PT_views(FacePanel, bpy.types.Panel):
                 "bsface.view_photo", text=f"{direction.capitalize()} Photo", icon=sign
             ).direction = direction
         now = context.scene.camera
-        if now in views:
-            name = now[cameras.PHOTO_KEY]
-            layout.label(text=name, icon="CAMERA_DATA", translate=False)
+        through = now in views
+        name = now[cameras.PHOTO_KEY] if through else messages.NO_PHOTO_VIEW
+        # Always a row, so that the buttons below stay where they are.
+        layout.label(
+            text=shortened(context, name, 60), icon="CAMERA_DATA", translate=False
+        )
         layout.operator("bsface.view_leave", icon="VIEW3D")
+        in_front = cameras.in_front(face)
         row = layout.row(align=True)
-        front = row.operator("bsface.view_front", text="Photo in Front")
-        front.front = True
-        behind = row.operator("bsface.view_front", text="Behind")
-        behind.front = False
-        hidden = bool(views) and views[0].hide_viewport
+        for front, text in ((True, "Photo in Front"), (False, "Behind")):
+            row.operator(
+                "bsface.view_front", text=text, depress=front == in_front
+            ).front = front
+        row = layout.row()
+        row.enabled = in_front
+        row.prop(context.scene.bsface, "photo_opacity", slider=True)
+        are_shown = cameras.are_shown(context, face)
         layout.operator(
-            "bsface.view_show", text="Show Cameras" if hidden else "Hide Cameras"
-        ).show = hidden
+            "bsface.view_show", text="Show Cameras", depress=are_shown
+        ).show = not are_shown
         if suns:
             lit = any(not sun.hide_viewport for sun in suns)
             layout.operator(
-                "bsface.light_show",
-                text="Light of Photo Off" if lit else "Light of Photo On",
-                icon="LIGHT_SUN",
+                "bsface.light_show", icon="LIGHT_SUN", depress=lit
             ).show = not lit
+            if lit and showing.hides_lights(context):
+                paragraph(context, layout, messages.LIGHT_UNSEEN, icon="INFO")
 
 
 class BSFACE_PT_expressions(FacePanel, bpy.types.Panel):
@@ -213,7 +236,9 @@ class BSFACE_PT_expressions(FacePanel, bpy.types.Panel):
             count = sum(row.expression == word for row in state.photos)
             layout.operator(
                 "bsface.expression_key",
-                text=messages.MAKE_KEY.format(name=word, count=count),
+                text=messages.MAKE_KEY.format(
+                    name=word, photos=messages.plural(count, "photo")
+                ),
                 translate=False,
             ).expression = word
         keys = scene.active_face(context).data.shape_keys
@@ -226,10 +251,8 @@ class BSFACE_PT_export(FacePanel, bpy.types.Panel):
     bl_label = "Export"
 
     def draw(self, context):
-        from .operators.export import FORMATS
-
         grid = self.layout.grid_flow(columns=2, even_columns=True, align=True)
-        for kind, label, _ in FORMATS:
+        for kind, label in export.available():
             grid.operator("bsface.export", text=label).kind = kind
 
 

@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 
 from . import messages
+
+if TYPE_CHECKING:
+    from .properties import BSFACE_PG_scene
 
 
 def add(state, paths):
@@ -24,6 +28,32 @@ def add(state, paths):
         row.path = str(path)
     rename(state)
     return len(state.photos) - before
+
+
+def activate(state: BSFACE_PG_scene, name: str) -> None:
+    """Make a photo's row the active one, without going to its camera."""
+    names = [row.name for row in state.photos]
+    if name in names:
+        _set_active(state, names.index(name))
+
+
+def _set_active(state: BSFACE_PG_scene, index: int) -> None:
+    state.follow = False
+    state.active_photo = index
+    state.follow = True
+
+
+def remove(state: BSFACE_PG_scene, index: int) -> None:
+    """Take a row off; the active one stays in the list."""
+    state.photos.remove(index)
+    _set_active(state, min(state.active_photo, max(len(state.photos) - 1, 0)))
+    rename(state)
+
+
+def clear(state: BSFACE_PG_scene) -> None:
+    """Empty the list."""
+    state.photos.clear()
+    _set_active(state, 0)
 
 
 def replace(state, paths):

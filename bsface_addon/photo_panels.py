@@ -5,7 +5,10 @@ from __future__ import annotations
 import bpy
 
 from . import landmark_editor, messages, photo_list, thumbnails
-from .panel_base import BSFacePanel, paragraph
+from .panel_base import BSFacePanel, paragraph, shortened
+
+# Of a row of the list beside the name: box, thumbnail, status, buttons; in points.
+ROW_TAKEN = 170
 
 
 class BSFACE_UL_photos(bpy.types.UIList):
@@ -20,7 +23,9 @@ class BSFACE_UL_photos(bpy.types.UIList):
         name = row.row(align=True)
         name.active = item.use
         picture = thumbnails.icon(photo_list.absolute(item))
-        name.label(text=item.name, icon_value=picture, translate=False)
+        taken = ROW_TAKEN + 6 * len(word) + 6 * len(item.expression)
+        text = shortened(context, item.name, taken)
+        name.label(text=text, icon_value=picture, translate=False)
         state = row.row()
         state.alignment = "RIGHT"
         if item.expression:

@@ -17,6 +17,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from . import cameras, landmark_editor, scene, showing
 from .settings_group import BSFACE_PG_settings
 
 
@@ -45,11 +46,46 @@ class BSFACE_PG_photo(bpy.types.PropertyGroup):
     faces: IntProperty(name="Faces", description="Faces seen in this photo")
 
 
+def _row_chosen(state, context):
+    """A click on a row goes to that photo's camera, where there is one."""
+    face = scene.active_face(context)
+    inside = 0 <= state.active_photo < len(state.photos)
+    if not state.follow or face is None or not inside:
+        return
+    if landmark_editor.editor() is not None:
+        return
+    name = state.photos[state.active_photo].name
+    for view in cameras.of_face(face):
+        if view[cameras.PHOTO_KEY] == name:
+            showing.photo(context, face, view)
+
+
+def _opacity_set(state, context):
+    face = scene.active_face(context)
+    if face is not None and cameras.in_front(face):
+        for view in cameras.of_face(face):
+            cameras.put_photo(view, True, state.photo_opacity)
+
+
 class BSFACE_PG_scene(bpy.types.PropertyGroup):
     """Everything of the scene."""
 
     photos: CollectionProperty(type=BSFACE_PG_photo)
-    active_photo: IntProperty(name="Photo", options={"SKIP_SAVE"})
+    active_photo: IntProperty(name="Photo", options={"SKIP_SAVE"}, update=_row_chosen)
+    follow: BoolProperty(
+        description="Whether a newly active row changes the view",
+        default=True,
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+    photo_opacity: FloatProperty(
+        name="Opacity",
+        description="Of the photo in front of the surface",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        update=_opacity_set,
+    )
     settings: PointerProperty(type=BSFACE_PG_settings)
     face: PointerProperty(
         name="Face",

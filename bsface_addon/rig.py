@@ -17,25 +17,34 @@ NAME = "rig"
 PHOTO_KEY = "bsface_photo"
 
 
-def find(face):
+def is_rig(obj: bpy.types.Object) -> bool:
+    """Whether the object is the rig of a face."""
+    return obj.type == "EMPTY" and obj.get(MARK) == NAME
+
+
+def face_of_rig(obj: bpy.types.Object) -> bpy.types.Object | None:
+    """The face that a rig follows; None where it is gone from the file."""
+    return next((c.target for c in obj.constraints), None)
+
+
+def find(face: bpy.types.Object) -> bpy.types.Object | None:
     """The rig of a face, or None."""
     for obj in bpy.data.objects:
-        if obj.type == "EMPTY" and obj.get(MARK) == NAME:
-            for constraint in obj.constraints:
-                if constraint.target == face:
-                    return obj
+        if is_rig(obj) and face_of_rig(obj) == face:
+            return obj
     return None
 
 
-def face_of(obj):
+def face_of(obj: bpy.types.Object) -> bpy.types.Object | None:
     """The face that a camera or sun belongs to, or None."""
-    empty = obj.parent
-    if empty is None or empty.get(MARK) != NAME:
+    if obj.parent is None or not is_rig(obj.parent):
         return None
-    return next((c.target for c in empty.constraints), None)
+    return face_of_rig(obj.parent)
 
 
-def ensure(face, collection):
+def ensure(
+    face: bpy.types.Object, collection: bpy.types.Collection
+) -> bpy.types.Object:
     """The rig of a face; made in the collection where there is none."""
     found = find(face)
     if found is not None:
@@ -49,7 +58,7 @@ def ensure(face, collection):
     return obj
 
 
-def attach(obj, face, pose):
+def attach(obj: bpy.types.Object, face: bpy.types.Object, pose: Matrix) -> None:
     """Give an object a place relative to the face, and scale 1 in the world.
 
     Parameters
@@ -68,7 +77,7 @@ def attach(obj, face, pose):
     obj.matrix_basis = place
 
 
-def members(face, kind):
+def members(face: bpy.types.Object, kind: str) -> list[bpy.types.Object]:
     """Objects of a type ("CAMERA", "LIGHT") on the rig, by name."""
     rig = find(face)
     if rig is None:

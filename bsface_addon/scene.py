@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
-from mathutils import Quaternion, Vector
+import numpy as np
 
 from ..core.errors import ReconstructionError
 from ..core.json_text import to_json
+from ..core.result import Reconstruction
 from . import (
     cameras,
     face_file,
@@ -26,6 +27,7 @@ from . import (
     rig,
     surface_object,
 )
+from .maps import Map
 
 # Custom properties of the face object; JSON texts, so that they read the same in
 # every version and outside Blender.
@@ -34,11 +36,7 @@ SETTINGS = "bsface_settings"
 REPORT = "bsface_report"
 PHOTOS = "bsface_photos"
 WARNINGS = "bsface_warnings"
-# On the window manager: light of the solid views before a map was shown.
-LIGHT = "bsface_light"
-# Blender's light for painting; its default light leaves a skin dark.
-SKIN_LIGHT = ("STUDIO", "paint.sl")
-FRONT_VIEW = Quaternion((math.sqrt(0.5), math.sqrt(0.5), 0, 0))
+QUALITY = "bsface_quality"
 _KINDS = (
     "objects",
     "curves",
@@ -53,12 +51,21 @@ _KINDS = (
 )
 
 
-def place(context, result, name, *, face=None, scale=1.0, maps=None):
+def place(
+    context: bpy.types.Context,
+    result: Reconstruction,
+    name: str,
+    *,
+    face: bpy.types.Object | None = None,
+    scale: float = 1.0,
+    maps: Mapping[str, Map] | None = None,
+    select: bool = True,
+) -> bpy.types.Object:
     """Put a reconstruction into the scene.
 
     Parameters
     ----------
-    result : core Reconstruction
+    result : Reconstruction
     name : str
         Name of a new face; its collection is called ``BSface <name>``.
     face : bpy.types.Object, optional
@@ -66,22 +73,26 @@ def place(context, result, name, *, face=None, scale=1.0, maps=None):
         materials stay) and its cameras and lights are replaced.
     scale : float
         Size of a new face; 1 is life size.
-    maps : dict of maps.Map, optional
+    maps : mapping of Map, optional
         Pictures for the surface by kind.
+    select : bool
+        Make the face active and the only selected object, in object mode; otherwise
+        mode, selection and active object stay as they are.
 
     Returns
     -------
     bpy.types.Object
-        The face: active, the only selected object, in object mode.
+        The face. A new one stands beside those that are there.
     """
-    with all_or_nothing(context):
+    maps = maps or {}
+    with all_or_nothing(context), surface_object.object_mode(context):
         points = result.surface.control_points
-        leave_edit_mode(context)
         old = [] if face is None else [*cameras.of_face(face), *lights.of_face(face)]
         fresh = face is None
         if fresh:
             face = surface_object.create(context, name, points, scale)
             face[MARK] = True
+            face.location.x = _free_place(context, face)
             own = _collection(context, face)
             _move(face, own)
         else:
@@ -90,14 +101,17 @@ def place(context, result, name, *, face=None, scale=1.0, maps=None):
         rig.ensure(face, own)
         _add_cameras(face, result, own)
         _add_lights(face, result, own)
-        for kind, found in (maps or {}).items():
-            material.store_map(face, kind, found.pixels, found.legend)
+        for kind, found in maps.items():
+            material.store_map(face, kind, found)
+        material.drop_others(face, maps)
         if fresh or material.shown(face) == "PLAIN":
-            material.show(face, "SKIN" if maps and "SKIN" in maps else "PLAIN")
+            material.show(face, "SKIN" if "SKIN" in maps else "PLAIN")
         _write_facts(face, result)
         if not fresh:
             surface_object.write(context, face, points)
             _replace(context, face, old)
+    if select:
+        leave_edit_mode(context)
         select_only(context, face)
     return face
 
@@ -189,29 +203,48 @@ def leave_edit_mode(context):
         bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def remove_face(context, face):
-    """Delete a face with its cameras, lights and what only they use."""
-    home = _home(context, face)
-    if context.scene.camera in cameras.of_face(face):
-        cameras.leave_views(context)
-    images = [
-        slot.image
-        for obj in cameras.of_face(face)
-        for slot in obj.data.background_images
-        if slot.image is not None
-    ]
-    _remove([*cameras.of_face(face), *lights.of_face(face)])
-    empty = rig.find(face)
-    if empty is not None:
-        bpy.data.objects.remove(empty)
-    curve = face.data
-    bpy.data.objects.remove(face)
-    if curve.users == 0:
-        bpy.data.curves.remove(curve)
-    for collection in [*home.children, home]:
-        if not collection.all_objects and collection != context.scene.collection:
-            bpy.data.collections.remove(collection)
-    bpy.data.batch_remove([image for image in set(images) if image.users == 0])
+def quality_facts(result: Reconstruction) -> dict[str, float | int | None]:
+    """What says how good a face can be.
+
+    Returns
+    -------
+    dict
+        ``used`` and ``photos``: numbers of photos; ``deviation_mm``: median standard
+        deviation inside the outline, None where it is not known; ``eyes_px``: median
+        distance between the eyes in the used photos, in pixels.
+    """
+    deviation = None
+    if result.deviation is not None:
+        # The outermost control points act on the border.
+        m, n = result.surface.shape
+        u, v = (np.clip((np.arange(k) - 1) / (k - 3), 0, 1) for k in (m, n))
+        grid = np.stack(np.meshgrid(u, v, indexing="ij"), -1)
+        inside = result.template.inside(grid)
+        deviation = float(np.median(result.deviation[inside]))
+    sizes = [camera.s for camera in result.cameras]
+    return {
+        "used": len(result.photos),
+        "photos": len(result.reports),
+        "deviation_mm": deviation,
+        "eyes_px": float(np.median(sizes)) * result.settings.eye_distance_mm,
+    }
+
+
+def _free_place(context: bpy.types.Context, face: bpy.types.Object) -> float:
+    """Where along x a new face stands clear of the others; 0 for the first."""
+    ends = [_extent(other) for other in faces(context) if other != face]
+    if not ends:
+        return 0.0
+    left, right = _extent(face)
+    return max(end for _, end in ends) - left + 0.2 * (right - left)
+
+
+def _extent(face: bpy.types.Object) -> tuple[float, float]:
+    """The least and the largest x of a face's control points in the scene."""
+    points = surface_object.read(face).reshape(-1, 3)
+    frame = np.array(surface_object.world_frame(face))
+    x = points @ frame[0, :3] + frame[0, 3]
+    return float(x.min()), float(x.max())
 
 
 def _add_cameras(face, result, own):
@@ -235,6 +268,7 @@ def _add_lights(face, result, own):
 def _write_facts(face, result):
     face[SETTINGS] = to_json(result.settings.to_dict())
     face[REPORT] = to_json(list(result.reports))
+    face[QUALITY] = to_json(quality_facts(result))
     face[WARNINGS] = to_json(list(result.warnings))
     face[PHOTOS] = to_json(
         [{"name": p.name, "path": p.path, "size": p.size} for p in result.photos]
@@ -312,99 +346,3 @@ def select_only(context, face):
     for obj in context.view_layer.objects:
         obj.select_set(obj == face)
     context.view_layer.objects.active = face
-
-
-def surrounding(context, face):
-    """Visible objects that the face stands inside of, such as a new file's cube.
-
-    They hide the photos behind the cameras; only the user may take them away.
-    """
-    middle = _middle(face)
-    found = []
-    for obj in context.visible_objects:
-        if obj == face or obj.type not in ("MESH", "SURFACE", "CURVE", "META", "FONT"):
-            continue
-        corners = [obj.matrix_world @ Vector(corner) for corner in obj.bound_box]
-        if all(
-            min(c[axis] for c in corners) < middle[axis] < max(c[axis] for c in corners)
-            for axis in range(3)
-        ) and not is_face(obj):
-            found.append(obj)
-    return found
-
-
-def _middle(obj):
-    corners = [obj.matrix_world @ Vector(corner) for corner in obj.bound_box]
-    return sum(corners, Vector()) / len(corners)
-
-
-def show(context, face):
-    """Bring a new face and its texture into sight in the window's 3D views."""
-    light_views(context, material.shown(face))
-    for area in context.window.screen.areas:
-        if area.type != "VIEW_3D":
-            continue
-        view = area.spaces.active.region_3d
-        frame = surface_object.world_frame(face)
-        view.view_rotation = frame.to_quaternion()
-        if view.view_perspective == "CAMERA":
-            view.view_perspective = "PERSP"
-        region = next(r for r in area.regions if r.type == "WINDOW")
-        with context.temp_override(area=area, region=region):
-            bpy.ops.view3d.view_selected()
-
-
-def light_views(context, kind):
-    """Let a map show in solid views: the skin bright, measured values as they are.
-
-    The light that a view had comes back with "PLAIN".
-    """
-    manager = context.window_manager
-    for area in context.window.screen.areas if context.window else ():
-        if area.type != "VIEW_3D" or area.spaces.active.shading.type != "SOLID":
-            continue
-        shading = area.spaces.active.shading
-        shading.color_type = "TEXTURE"
-        now = (shading.light, shading.studio_light)
-        # Another light than these was chosen since, by the user or in another file.
-        ours = shading.light == "FLAT" or now == SKIN_LIGHT
-        if kind != "PLAIN":
-            if LIGHT not in manager or not ours:
-                manager[LIGHT] = now
-            _light(shading, *(SKIN_LIGHT if material.is_lit(kind) else ("FLAT", "")))
-        elif LIGHT in manager and ours:
-            _light(shading, *manager[LIGHT])
-    if kind == "PLAIN":
-        manager.pop(LIGHT, None)
-
-
-def _light(shading, light, name):
-    shading.light = light
-    # Which names there are depends on the light, and on what the user has installed.
-    with contextlib.suppress(TypeError):
-        shading.studio_light = name
-
-
-def present(context, face):
-    """Make a new file ready to look at: view, light of the world, scene camera."""
-    world = context.scene.world or bpy.data.worlds.new("World")
-    context.scene.world = world
-    world.color = (0.6, 0.6, 0.6)
-    corners = [face.matrix_world @ Vector(corner) for corner in face.bound_box]
-    middle = sum(corners, Vector()) / len(corners)
-    extent = max((corner - middle).length for corner in corners)
-    for screen in bpy.data.screens:
-        for area in screen.areas:
-            if area.type == "VIEW_3D":
-                space = area.spaces.active
-                space.region_3d.view_location = middle
-                space.region_3d.view_distance = 3 * extent
-                space.region_3d.view_rotation = FRONT_VIEW
-                space.shading.color_type = "TEXTURE"
-                _light(space.shading, *SKIN_LIGHT)
-    views = cameras.of_face(face)
-    if views:
-        # The most frontal photo: its camera's axis is nearest to the face's own.
-        look = surface_object.world_frame(face).col[2].xyz
-        frontal = max(views, key=lambda view: view.matrix_world.col[2].xyz @ look)
-        cameras.look_through(context, frontal, switch_views=False)

@@ -233,11 +233,20 @@ def object_mode(context: bpy.types.Context) -> Iterator[None]:
         yield
     finally:
         layer.update()
-        for obj in chosen:
+        for obj in filter(_exists, chosen):
             obj.select_set(True)
-        layer.objects.active = active
-        if active is not None and active.mode != mode:
-            bpy.ops.object.mode_set(mode=mode)
+        if _exists(active):
+            layer.objects.active = active
+            if active.mode != mode:
+                bpy.ops.object.mode_set(mode=mode)
+
+
+def _exists(obj: bpy.types.Object | None) -> bool:
+    """Whether an object is still there: what is removed meanwhile is only a name."""
+    try:
+        return obj is not None and bool(obj.name)
+    except ReferenceError:
+        return False
 
 
 def _upright(xyz: Array) -> Array:

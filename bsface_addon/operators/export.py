@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...core.errors import ReconstructionError
-from .. import export_face, material, messages, scene
-from .surface import FaceOperator
+from ...core.formats import export
+from ...core.result import Reconstruction
+from .. import export_face, face_file, material, messages, scene
+from .running import LongOperator
+from .surface import ChangingOperator
 
 FORMATS = (
     (".step", "STEP", "Trimmed B-spline surface for CAD programs"),
@@ -20,16 +26,58 @@ FORMATS = (
     (".ply", "PLY, Mesh", "Triangles with UVs"),
     (".npz", "Face File", "Everything of the run, for Python"),
 )
+# Format -> the package that its writer needs and that not every Blender has.
+NEEDS = {".3dm": "rhino3dm"}
 
 
-class BSFACE_OT_export(FaceOperator, bpy.types.Operator):
+def available(needs: Mapping[str, str] = NEEDS) -> list[tuple[str, str]]:
+    """Endings and labels of the formats that can be written here."""
+    return [
+        (kind, label)
+        for kind, label, _ in FORMATS
+        if kind not in needs or find_spec(needs[kind]) is not None
+    ]
+
+
+@dataclass(frozen=True)
+class FileToWrite:
+    """A file, and what is written into it."""
+
+    path: Path
+    content: Reconstruction | bytes
+    trimmed: bool = True
+    tolerance_mm: float = 0.05
+    name: str = ""
+
+
+class FileOperator(ChangingOperator, LongOperator):
+    """Writes a file, in a window beside the UI."""
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        face = scene.active_face(context)
+        self.filepath = f"{bpy.path.clean_name(face.name)}{self.ending()}"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        if bpy.app.background:
+            return super().execute(context)
+        return self.start(context)
+
+    def deliver(self, context, request, outcome):
+        self.report({"INFO"}, messages.WROTE.format(path=outcome))
+
+
+class BSFACE_OT_export(FileOperator, bpy.types.Operator):
     """Write the face in millimetres, as it is now, whatever the object's transform"""
 
     bl_idname = "bsface.export"
     bl_label = "Export Face"
     bl_options = {"REGISTER"}
 
-    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
     kind: EnumProperty(name="Format", items=FORMATS)
     trimmed: BoolProperty(
         name="Trim to the Face",
@@ -43,13 +91,9 @@ class BSFACE_OT_export(FaceOperator, bpy.types.Operator):
         min=0.001,
         max=10.0,
     )
-    check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
-    def invoke(self, context, event):
-        face = scene.active_face(context)
-        self.filepath = f"{bpy.path.clean_name(face.name)}{self.kind}"
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+    def ending(self):
+        return self.kind
 
     def check(self, context):
         changed = export_face.with_ending(self.filepath, self.kind)
@@ -58,51 +102,50 @@ class BSFACE_OT_export(FaceOperator, bpy.types.Operator):
         self.filepath = changed
         return True
 
-    def execute(self, context):
+    def prepare(self, context):
         path = bpy.path.abspath(self.filepath)
         if self.properties.is_property_set("kind"):
             path = export_face.with_ending(path, self.kind)
         face = scene.active_face(context)
-        try:
-            written = export_face.write(Path(path), face, self.trimmed, self.tolerance)
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, messages.WROTE.format(path=written))
-        return {"FINISHED"}
+        saved = face_file.saved(face)
+        return FileToWrite(
+            Path(path), saved, self.trimmed, self.tolerance, name=face.name
+        )
+
+    @staticmethod
+    def work(solver, request, progress):
+        return export(
+            request.path,
+            request.content,
+            trimmed=request.trimmed,
+            tolerance=request.tolerance_mm,
+            name=request.name,
+        )
 
 
-class BSFACE_OT_texture_save(FaceOperator, bpy.types.Operator):
+class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):
     """Write the picture that is shown on the surface to a PNG file"""
 
     bl_idname = "bsface.texture_save"
     bl_label = "Save Texture"
     bl_options = {"REGISTER"}
 
-    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
     filter_glob: StringProperty(default="*.png", options={"HIDDEN"})
-    check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
-    def invoke(self, context, event):
-        face = scene.active_face(context)
-        self.filepath = f"{bpy.path.clean_name(face.name)}.png"
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+    def ending(self):
+        return ".png"
 
-    def execute(self, context):
+    def prepare(self, context):
         face = scene.active_face(context)
         image = material.stored_map(face, material.shown(face))
-        if image is None:
-            self.report({"ERROR"}, messages.NO_MAP_SHOWN)
-            return {"CANCELLED"}
-        try:
-            path = Path(bpy.path.abspath(self.filepath)).with_suffix(".png")
-            written = export_face.write_image(path, image)
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, messages.WROTE.format(path=written))
-        return {"FINISHED"}
+        if image is None or image.packed_file is None:
+            raise ReconstructionError(messages.NO_MAP_SHOWN)
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".png")
+        return FileToWrite(path, image.packed_file.data)
+
+    @staticmethod
+    def work(solver, request, progress):
+        return export_face.write_map(request.path, request.content)
 
 
 CLASSES = (BSFACE_OT_export, BSFACE_OT_texture_save)

@@ -9,7 +9,7 @@ from ...core.errors import ReconstructionError
 from .. import face_file, messages, photo_list, request, scene, surface_object
 from .photos import ready
 from .running import LongOperator
-from .surface import FaceOperator
+from .surface import ChangingOperator
 
 
 class BSFACE_OT_expression_assign(bpy.types.Operator):
@@ -61,7 +61,7 @@ class BSFACE_OT_expression_assign(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class BSFACE_OT_expression_key(FaceOperator, LongOperator, bpy.types.Operator):
+class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operator):
     """Fit the face to the photos of one expression and keep it as a shape key"""
 
     bl_idname = "bsface.expression_key"

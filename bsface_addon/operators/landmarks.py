@@ -46,7 +46,10 @@ class BSFACE_OT_landmarks_detect(LongOperator, bpy.types.Operator):
         photo_list.take_found(state, landmarks)
         state.hints = "\n".join(outcome.hints)
         found, total = len(landmarks), len(state.photos)
-        self.report({"INFO"}, messages.FOUND.format(found=found, all=total))
+        self.report(
+            {"INFO"},
+            messages.FOUND.format(found=found, photos=messages.plural(total, "photo")),
+        )
 
 
 def with_landmarks(cls, context):

@@ -67,6 +67,15 @@ class BSFACE_OT_photos_add(bpy.types.Operator):
     filter_glob: StringProperty(default=ENDINGS, options={"HIDDEN"})
     filter_image: BoolProperty(default=True, options={"HIDDEN"})
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+    # Blender's file browser starts with what an operator has under this name.
+    display_type: EnumProperty(
+        items=(("THUMBNAIL", "Thumbnails", "", 0, 3),), options={"HIDDEN"}
+    )
+
+    def draw(self, context):
+        column = self.layout.column()
+        for line in messages.CHOOSING:
+            column.label(text=line)
 
     @classmethod
     def poll(cls, context):
@@ -109,9 +118,7 @@ class BSFACE_OT_photos_remove(RowOperator, bpy.types.Operator):
         if row is None:
             return {"CANCELLED"}
         state = context.scene.bsface
-        state.photos.remove(list(state.photos).index(row))
-        state.active_photo = min(state.active_photo, max(len(state.photos) - 1, 0))
-        photo_list.rename(state)
+        photo_list.remove(state, list(state.photos).index(row))
         return {"FINISHED"}
 
 
@@ -127,8 +134,7 @@ class BSFACE_OT_photos_clear(bpy.types.Operator):
         return ready(cls, context)
 
     def execute(self, context):
-        context.scene.bsface.photos.clear()
-        context.scene.bsface.active_photo = 0
+        photo_list.clear(context.scene.bsface)
         return {"FINISHED"}
 
 

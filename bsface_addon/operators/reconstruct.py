@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
-from .. import messages, photo_list, request, scene, session
+from .. import messages, photo_list, request, scene, session, showing
 from ..apply_result import apply_result
 from . import running
 
@@ -88,9 +88,16 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         separate = self.separate or state.separate
         face = None if separate else scene.active_face(context)
         fresh = face is None
-        face = apply_result(context, request, outcome, face=face, scale=state.size)
-        if fresh and not bpy.app.background:
-            scene.show(context, face)
+        face = apply_result(
+            context,
+            request,
+            outcome,
+            face=face,
+            scale=state.size,
+            select=self.undisturbed,
+        )
+        if fresh and self.undisturbed and not bpy.app.background:
+            showing.show(context, face)
         for warning in outcome.result.warnings:
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, messages.done(face, outcome.result.reports))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ...core.errors import ReconstructionError, out_of_memory
-from .. import messages, session
+from .. import cameras, messages, session
 
 if TYPE_CHECKING:
     from ...core.progress import Progress
@@ -32,6 +32,10 @@ class LongOperator:
     def work(solver: Solver, request: Request, progress: Progress | None) -> Outcome:
         """What the thread does."""
         return solver.solve(request, progress)
+
+    # Whether the user has left everything alone since the job began; otherwise the
+    # result must not take selection, mode and view away.
+    undisturbed = True
 
     def execute(self, context):
         try:
@@ -56,6 +60,7 @@ class LongOperator:
         now = session.current()
         # The thread gets the function and the request, not the operator.
         now.start(functools.partial(type(self).work, now.solver, self._request))
+        self._before = footprint(context)
         begin(context)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -79,6 +84,7 @@ class LongOperator:
         if not running.finished:
             return {"PASS_THROUGH"}
         end(context)
+        self.undisturbed = footprint(context) == self._before
         try:
             if running.error is not None:
                 raise running.error
@@ -108,6 +114,18 @@ class LongOperator:
             state.last_error = trace
         self.report({"ERROR"}, sentence)
         return {"CANCELLED"}
+
+
+def footprint(context: bpy.types.Context) -> tuple:
+    """What differs after a user has selected, changed or looked at something else."""
+    layer, manager = context.view_layer, context.window_manager
+    active = layer.objects.active
+    return (
+        None if active is None else (active.name, active.mode),
+        [obj.name for obj in layer.objects if obj.select_get()],
+        [cameras.view_state(view) for view in cameras.views(context)],
+        [operator.as_pointer() for operator in manager.operators],
+    )
 
 
 def begin(context: bpy.types.Context) -> None:
@@ -147,7 +165,8 @@ def draw_status(header, context):
     """The status bar of a running job."""
     running = session.running()
     if running is not None:
-        text = messages.progress_line(running) + "   Esc: stop"
+        parts = (messages.progress_line(running), messages.time_left(running))
+        text = ", ".join(part for part in parts if part) + "   Esc: stop"
         header.layout.label(text=text, translate=False)
 
 

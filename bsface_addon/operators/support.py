@@ -81,7 +81,28 @@ class BSFACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
     preset_values = [f"settings.{name}" for name in settings_group.NAMES]
 
 
+class BSFACE_OT_job_cancel(bpy.types.Operator):
+    """Stop the running job; the scene stays as it is"""
+
+    bl_idname = "bsface.job_cancel"
+    bl_label = "Cancel"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context):
+        if session.running() is None:
+            cls.poll_message_set(messages.NOTHING_RUNS)
+            return False
+        return True
+
+    def execute(self, context):
+        # The job's own operator ends it at its next timer event.
+        session.running().cancel()
+        return {"FINISHED"}
+
+
 CLASSES = (
+    BSFACE_OT_job_cancel,
     BSFACE_OT_copy_information,
     BSFACE_OT_reset,
     BSFACE_MT_presets,

@@ -14,13 +14,18 @@ from .. import (
     mesh_copy,
     messages,
     photo_expression,
+    removal,
     request,
     scene,
     session,
+    showing,
     surface_object,
 )
 from ..apply_result import apply_result
 from .running import LongOperator
+
+# Reach of proportional editing: about a nose; more than the second is the whole face.
+REACH_MM, WHOLE_FACE_MM = 20.0, 120.0
 
 
 class FaceOperator:
@@ -28,16 +33,24 @@ class FaceOperator:
 
     @classmethod
     def poll(cls, context):
-        if session.running() is not None:
-            cls.poll_message_set(messages.RUNNING)
-            return False
         if scene.active_face(context) is None:
             cls.poll_message_set(messages.NO_FACE_OBJECT)
             return False
         return True
 
 
-class BSFACE_OT_surface_refit(FaceOperator, LongOperator, bpy.types.Operator):
+class ChangingOperator(FaceOperator):
+    """One that changes what a running job is about to change too."""
+
+    @classmethod
+    def poll(cls, context):
+        if session.running() is not None:
+            cls.poll_message_set(messages.RUNNING)
+            return False
+        return super().poll(context)
+
+
+class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator):
     """Fit again, starting from the control points as you edited them"""
 
     bl_idname = "bsface.surface_refit"
@@ -82,11 +95,11 @@ class BSFACE_OT_surface_refit(FaceOperator, LongOperator, bpy.types.Operator):
         face = scene.active_face(context)
         if face is None:
             raise ReconstructionError(messages.NO_FACE_OBJECT)
-        apply_result(context, request, outcome, face=face)
+        apply_result(context, request, outcome, face=face, select=self.undisturbed)
         self.report({"INFO"}, messages.done(face, outcome.result.reports))
 
 
-class BSFACE_OT_surface_resample(FaceOperator, bpy.types.Operator):
+class BSFACE_OT_surface_resample(ChangingOperator, bpy.types.Operator):
     """Change the numbers of control points; the shape stays as near as it can"""
 
     bl_idname = "bsface.surface_resample"
@@ -121,7 +134,7 @@ class BSFACE_OT_surface_resample(FaceOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class BSFACE_OT_surface_symmetrise(FaceOperator, bpy.types.Operator):
+class BSFACE_OT_surface_symmetrise(ChangingOperator, bpy.types.Operator):
     """Make the two halves of the face mirror images of each other"""
 
     bl_idname = "bsface.surface_symmetrise"
@@ -206,7 +219,7 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
             ("PHOTO", "Photo Texture", "The mean of the photos, their light included"),
             ("NORMALS", "Normals", "Direction of the surface as a colour"),
             ("RESIDUAL", "Residual", "Where the photos contradict the surface"),
-            ("CONFIDENCE", "Confidence", "How well the photos fix the surface, in mm"),
+            ("DEVIATION", "Deviation", "How well the photos fix the surface, in mm"),
         ),
     )
 
@@ -214,15 +227,29 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
         face = scene.active_face(context)
         if self.kind == "NORMALS":
             # Of the surface as it is now, edits included.
-            made = maps.normals(face_file.surface(face))
-            material.store_map(face, "NORMALS", made.pixels, made.legend)
+            made = maps.normals(face_file.surface(face), face_file.outline(face))
+            material.store_map(face, "NORMALS", made)
         try:
             material.show(face, self.kind)
         except KeyError:
-            label = material.MAPS[self.kind][0]
+            label = material.MAPS[self.kind][0].lower()
             self.report({"ERROR"}, messages.NO_MAP.format(name=face.name, map=label))
             return {"CANCELLED"}
-        scene.light_views(context, self.kind)
+        showing.light_views(context, self.kind)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_surface_trim(FaceOperator, bpy.types.Operator):
+    """Show the face inside its outline only, or the whole patch with its rim"""
+
+    bl_idname = "bsface.surface_trim"
+    bl_label = "Trim the View"
+    bl_options = {"REGISTER", "UNDO"}
+
+    trim: BoolProperty(name="Trim", default=True)
+
+    def execute(self, context):
+        material.trim(scene.active_face(context), self.trim)
         return {"FINISHED"}
 
 
@@ -240,10 +267,19 @@ class BSFACE_OT_surface_net(FaceOperator, bpy.types.Operator):
         if not editing:
             scene.select_only(context, face)
             bpy.ops.object.mode_set(mode="EDIT")
+            _fit_proportional_size(context, face)
         return {"FINISHED"}
 
 
-class BSFACE_OT_face_remove(FaceOperator, bpy.types.Operator):
+def _fit_proportional_size(context: bpy.types.Context, face: bpy.types.Object) -> None:
+    """Proportional editing reaches a feature of the face where it reached all of it."""
+    unit = surface_object.world_frame(face).to_scale().x
+    tool = context.tool_settings
+    if tool.proportional_size > WHOLE_FACE_MM * unit:
+        tool.proportional_size = REACH_MM * unit
+
+
+class BSFACE_OT_face_remove(ChangingOperator, bpy.types.Operator):
     """Delete the face with its cameras, lights and photos; the files stay"""
 
     bl_idname = "bsface.face_remove"
@@ -252,8 +288,28 @@ class BSFACE_OT_face_remove(FaceOperator, bpy.types.Operator):
 
     def execute(self, context):
         scene.leave_edit_mode(context)
-        scene.remove_face(context, scene.active_face(context))
-        context.scene.bsface.face = None
+        removal.remove_face(context, scene.active_face(context))
+        return {"FINISHED"}
+
+
+class BSFACE_OT_leftovers_remove(bpy.types.Operator):
+    """Delete cameras, suns and pictures of faces that were deleted"""
+
+    bl_idname = "bsface.leftovers_remove"
+    bl_label = "Remove Leftovers"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if not removal.leftovers(context):
+            cls.poll_message_set(messages.NO_LEFTOVERS)
+            return False
+        return True
+
+    def execute(self, context):
+        scene.leave_edit_mode(context)
+        count = removal.remove_leftovers(context)
+        self.report({"INFO"}, messages.REMOVED.format(count=count))
         return {"FINISHED"}
 
 
@@ -263,7 +319,9 @@ CLASSES = (
     BSFACE_OT_surface_symmetrise,
     BSFACE_OT_surface_to_mesh,
     BSFACE_OT_surface_map,
+    BSFACE_OT_surface_trim,
     BSFACE_OT_surface_net,
     BSFACE_OT_face_remove,
+    BSFACE_OT_leftovers_remove,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from .. import cameras, lights, messages, photo_expression, scene
+from .. import cameras, lights, messages, photo_expression, photo_list, scene, showing
 from .surface import FaceOperator
 
 
@@ -51,12 +51,8 @@ class BSFACE_OT_view_photo(ViewOperator, bpy.types.Operator):
             now = context.scene.camera
             start = views.index(now) if now in views else (-1 if step > 0 else 0)
             index = (start + step) % len(views)
-        cameras.look_through(context, views[index])
-        photo_expression.show(scene.active_face(context), names[index])
-        state = context.scene.bsface
-        rows = [row.name for row in state.photos]
-        if names[index] in rows:
-            state.active_photo = rows.index(names[index])
+        showing.photo(context, scene.active_face(context), views[index])
+        photo_list.activate(context.scene.bsface, names[index])
         return {"FINISHED"}
 
 
@@ -84,7 +80,8 @@ class BSFACE_OT_view_front(ViewOperator, bpy.types.Operator):
 
     def execute(self, context):
         for view in cameras.of_face(scene.active_face(context)):
-            cameras.put_photo(view, self.front)
+            opacity = context.scene.bsface.photo_opacity
+            cameras.put_photo(view, self.front, opacity)
         return {"FINISHED"}
 
 
@@ -98,8 +95,7 @@ class BSFACE_OT_view_show(ViewOperator, bpy.types.Operator):
     show: BoolProperty(name="Show", default=True)
 
     def execute(self, context):
-        for view in cameras.of_face(scene.active_face(context)):
-            view.hide_viewport = not self.show
+        cameras.set_shown(context, scene.active_face(context), self.show)
         return {"FINISHED"}
 
 
@@ -111,7 +107,7 @@ class BSFACE_OT_surroundings_hide(FaceOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        for obj in scene.surrounding(context, scene.active_face(context)):
+        for obj in showing.surrounding(context, scene.active_face(context)):
             obj.hide_set(True)
         return {"FINISHED"}
 
@@ -139,6 +135,8 @@ class BSFACE_OT_light_show(FaceOperator, bpy.types.Operator):
             return {"CANCELLED"}
         for sun in suns:
             lights.switch(sun, self.show and sun[lights.PHOTO_KEY] == name)
+        if self.show and showing.hides_lights(context):
+            self.report({"INFO"}, messages.LIGHT_UNSEEN)
         return {"FINISHED"}
 
 

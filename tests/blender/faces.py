@@ -115,6 +115,9 @@ class FakeSolver:
         self.requests.append(request)
         return given(self.detection)
 
+    def forget(self):
+        pass
+
     def faces_in(self, path, name, scheme):
         return given(self.faces)
 

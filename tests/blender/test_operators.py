@@ -15,6 +15,7 @@ photo_list = load("bsface_addon.photo_list")
 NO_UNDO = {
     "copy_information",
     "export",
+    "job_cancel",
     "landmarks_export",
     "preset_add",
     "texture_save",
@@ -58,6 +59,7 @@ def contents():
             surface_object.read(face).tolist(),
             [block.name for block in keys.key_blocks] if keys else [],
             face.data.materials[0].get("bsface_map"),
+            face.data.materials[0].get("bsface_whole", False),
         )
     camera = bpy.context.scene.camera
     found["camera"] = camera.name if camera else None
@@ -90,10 +92,11 @@ def face(addon, solved, tmp_path):
         ("surface_to_mesh", {}),
         ("surface_map", {"kind": "NORMALS"}),
         ("face_remove", {}),
+        ("surface_trim", {"trim": False}),
         ("expression_key", {"expression": "Smile"}),
         ("expression_assign", {"expression": "Frown"}),
         ("view_photo", {}),
-        ("view_show", {"show": False}),
+        ("view_show", {}),
         ("light_show", {"photo": "1.png"}),
         ("landmarks_clear", {"which": "ALL"}),
         ("landmarks_edit", {}),

@@ -125,3 +125,16 @@ def test_every_status_of_the_core_has_words_and_advice():
 )
 def test_time_left(seconds, text):
     assert messages.duration(seconds) == text
+
+
+def test_long_names_lose_their_beginning(addon):
+    panel_base = load("bsface_addon.panel_base")
+    name = "George_W_Bush_of_the_United_States_0012.jpg"
+    short = panel_base.shortened(bpy.context, name, 150)
+    assert short.startswith("\N{HORIZONTAL ELLIPSIS}") and short.endswith("0012.jpg")
+    assert panel_base.shortened(bpy.context, "1.jpg", 150) == "1.jpg"
+
+
+def test_one_photo_is_not_plural():
+    assert messages.added(1, 1) == "1 photo added"
+    assert messages.added(2, 3) == "2 photos added, 1 in the list already"

@@ -1,5 +1,6 @@
 """The real thing on a few photos: first run, edit, refit; no fakes."""
 
+import dataclasses
 import shutil
 
 import bpy
@@ -97,3 +98,42 @@ def test_detection_alone_gives_landmarks_and_hints(addon, photos):
     assert [row.status for row in state.photos] == ["found"] * 5
     assert all(row.faces == 1 for row in state.photos)
     assert all(line.endswith(".") for line in state.hints.splitlines())
+
+
+def test_photos_are_read_once_for_two_runs(addon, photos):
+    """Another setting reads nothing again; a moved landmark or a new file does."""
+    solving, request = load("bsface_addon.solving"), load("bsface_addon.request")
+    bpy.ops.bsface.photos_add(directory=photos)
+    state = bpy.context.scene.bsface
+    state.texture_size = "512"
+    solver = solving.Solver()
+
+    def run(**changes):
+        read = []
+
+        def progress(step):
+            if step.stage == "landmarks":
+                read.append(step)
+
+        quick = {"method": "motion", "control_points": (12, 12), **changes}
+        asked = request.from_panel(state, None, "", quick)
+        result = solver.solve(asked, progress).result
+        photo_list.take_landmarks(state, result.landmarks)
+        return bool(read), result
+
+    first = run()
+    again = run()
+    assert first[0] and not again[0]
+    np.testing.assert_array_equal(
+        first[1].surface.control_points, again[1].surface.control_points
+    )
+    assert not run(perspective=False)[0]
+    row = state.photos[0]
+    moved = photo_list.landmarks(row)
+    moved.points[5] += 3
+    photo_list.keep_landmarks(row, dataclasses.replace(moved, source="hand"))
+    assert run()[0] and not run()[0]
+    row.use = False
+    assert run()[0]
+    solver.forget()
+    assert run()[0]

@@ -226,3 +226,30 @@ def test_a_wrong_request_starts_nothing(window):
     assert operator.start(window) == {"CANCELLED"}
     assert session.running() is None
     window.window_manager.event_timer_add.assert_not_called()
+
+
+def test_the_cancel_button_stops_the_job(going):
+    assert bpy.ops.bsface.job_cancel() == {"FINISHED"}
+    assert going.cancelled
+    running.end(bpy.context)
+    assert not bpy.ops.bsface.job_cancel.poll()
+
+
+@pytest.mark.parametrize("touched", [False, True])
+def test_whether_the_user_did_something_meanwhile_is_known(window, touched):
+    operator = started(window, lambda request, progress: "fine")
+    if touched:
+        window.view_layer.objects.active = MagicMock()
+    assert until_end(operator, window) == {"FINISHED"}
+    assert operator.undisturbed is not touched
+
+
+def test_views_and_maps_can_be_changed_while_a_job_runs(addon, solver, tmp_path):
+    bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
+    go = threading.Event()
+    began = session.current().start(lambda progress: go.wait(20))
+    assert bpy.ops.bsface.view_photo.poll() and bpy.ops.bsface.surface_map.poll()
+    assert not bpy.ops.bsface.surface_symmetrise.poll()
+    go.set()
+    assert began.wait(20)
+    session.current().stop()

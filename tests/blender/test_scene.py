@@ -19,11 +19,19 @@ face_file = load("bsface_addon.face_file")
 lights = load("bsface_addon.lights")
 material = load("bsface_addon.material")
 surface_object = load("bsface_addon.surface_object")
-Map = load("bsface_addon.maps").Map
+maps = load("bsface_addon.maps")
+removal = load("bsface_addon.removal")
+
+
+def painted(pixels):
+    """A map without a border."""
+    square = np.array([[-1, -1], [2, -1], [2, 2], [-1, 2]], float)
+    return maps.painted(pixels, square)
 
 
 def everything():
     kinds = ("objects", "curves", "cameras", "lights", "images", "collections")
+    kinds += ("materials",)
     return {k: sorted(d.name for d in getattr(bpy.data, k)) for k in kinds}
 
 
@@ -68,6 +76,8 @@ def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, v
 
 def test_cameras_are_not_scaled_and_see_the_face(empty_scene, tmp_path):
     face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
+    assert all(obj.hide_viewport for obj in cameras.of_face(face))
+    cameras.set_shown(bpy.context, face, True)
     bpy.context.view_layer.update()
     for obj in cameras.of_face(face):
         np.testing.assert_allclose(obj.matrix_world.to_scale(), 1, atol=1e-5)
@@ -186,6 +196,13 @@ def test_a_second_face_gets_its_own_collection(empty_scene, tmp_path):
     first = scene.place(bpy.context, result, "Ann")
     second = scene.place(bpy.context, result, "Ann")
     assert second != first
+    # Beside the first, without touching it.
+    bpy.context.view_layer.update()
+    ends = [
+        [(face.matrix_world @ Vector(corner)).x for corner in face.bound_box]
+        for face in (first, second)
+    ]
+    assert max(ends[0]) < min(ends[1]) < max(ends[0]) + 0.1
     assert first.users_collection[0] != second.users_collection[0]
     assert len(cameras.of_face(first)) == len(cameras.of_face(second)) == 3
 
@@ -207,7 +224,7 @@ def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, upda
     before = everything()
 
     # Each comes after all that is placed before it.
-    maps = {}
+    pictures = {}
     if fault == "camera":
         result = dataclasses.replace(result, cameras=result.cameras[:2])
     elif fault == "light":
@@ -215,9 +232,9 @@ def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, upda
         few = dataclasses.replace(result.photometric, lights=lights)
         result = dataclasses.replace(result, photometric=few)
     else:
-        maps = {"NO SUCH MAP": Map(np.zeros((4, 4, 3)))}
+        pictures = {"NO SUCH MAP": painted(np.zeros((4, 4, 3), np.uint8))}
     with pytest.raises((ValueError, KeyError)):
-        scene.place(bpy.context, result, "Ann", face=face, maps=maps)
+        scene.place(bpy.context, result, "Ann", face=face, maps=pictures)
     assert everything() == before
     assert bpy.context.view_layer.objects.active == other and other.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
@@ -226,15 +243,15 @@ def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, upda
 
 def test_maps_are_upright_on_the_surface_and_can_be_switched(empty_scene, tmp_path):
     face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
-    texture = np.zeros((8, 6, 3))
-    texture[0, :, 0] = 1.0  # v = 0, the forehead, is red
-    image = material.store_map(face, "PHOTO", texture)
+    texture = np.zeros((8, 6, 3), np.uint8)
+    texture[0, :, 0] = 255  # v = 0, the forehead, is red
+    image = material.store_map(face, "PHOTO", painted(texture))
     pixels = np.empty(8 * 6 * 4, np.float32)
     image.pixels.foreach_get(pixels)
     # Blender's bottom row has the texture coordinate 0, which is v = 0.
     assert pixels.reshape(8, 6, 4)[0, :, 0].min() == 1.0
     assert image.packed_file is not None
-    material.store_map(face, "NORMALS", texture)
+    material.store_map(face, "NORMALS", painted(texture))
     for kind in ("PHOTO", "NORMALS", "PLAIN"):
         material.show(face, kind)
         assert material.shown(face) == kind
@@ -261,11 +278,41 @@ def test_texture_coordinates_are_u_and_v(empty_scene, tmp_path):
     )
 
 
-def test_removing_a_face_removes_what_belongs_to_it(empty_scene, tmp_path):
+@pytest.fixture
+def painted_face(addon, tmp_path):
+    """A face with a picture, and what the file held before it."""
     before = everything()
-    face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
-    scene.remove_face(bpy.context, face)
+    pictures = {"PHOTO": painted(np.zeros((4, 4, 3), np.uint8))}
+    result = faces.reconstruction(tmp_path)
+    return scene.place(bpy.context, result, "Ann", maps=pictures), before
+
+
+def test_removing_a_face_removes_what_belongs_to_it(painted_face):
+    face, before = painted_face
+    bpy.context.scene.bsface.face = face
+    removal.remove_face(bpy.context, face)
     assert everything() == before
+    assert bpy.context.scene.bsface.face is None
+
+
+@pytest.mark.parametrize("through", [True, False])
+def test_what_blenders_delete_leaves_behind_can_be_removed(painted_face, through):
+    face, before = painted_face
+    bpy.context.scene.bsface.face = face
+    other = bpy.data.objects.new("other", None)
+    bpy.context.scene.collection.objects.link(other)
+    if through:
+        bpy.ops.bsface.view_photo()
+    assert not bpy.ops.bsface.leftovers_remove.poll()
+    scene.select_only(bpy.context, face)
+    bpy.ops.object.delete()
+    assert scene.active_face(bpy.context) is None
+    assert len(bpy.context.scene.objects) == 8
+    assert bpy.ops.bsface.leftovers_remove() == {"FINISHED"}
+    assert [obj.name for obj in bpy.data.objects] == ["other"]
+    bpy.data.objects.remove(other)
+    assert everything() == before
+    assert bpy.context.scene.camera is None
 
 
 def test_sun_has_the_first_order_of_the_light_it_stands_for():
@@ -276,3 +323,53 @@ def test_sun_has_the_first_order_of_the_light_it_stands_for():
     shading = energy / np.pi * np.maximum(normals @ direction, 0)
     linear = 3 * (normals * shading[:, None]).mean(axis=0)
     np.testing.assert_allclose(linear, [0, 0.3, 0.4], atol=0.01)
+
+
+@pytest.mark.parametrize("update", [False, True])
+def test_a_result_can_come_without_taking_over(empty_scene, tmp_path, update):
+    result = faces.reconstruction(tmp_path)
+    face = scene.place(bpy.context, result, "Ann") if update else None
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.object
+    bpy.ops.object.mode_set(mode="EDIT")
+    made = scene.place(bpy.context, result, "Ann", face=face, select=False)
+    assert bpy.context.view_layer.objects.active == cube and cube.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bpy.context.selected_objects == [cube] and scene.is_face(made)
+
+
+def test_maps_that_a_new_run_has_not_go(empty_scene, tmp_path):
+    grey = painted(np.zeros((4, 4, 3), np.uint8))
+    result = faces.reconstruction(tmp_path)
+    both = {"PHOTO": grey, "DEVIATION": grey}
+    face = scene.place(bpy.context, result, "Ann", maps=both)
+    material.show(face, "DEVIATION")
+    scene.place(bpy.context, result, "Ann", face=face, maps={"PHOTO": grey})
+    assert material.stored_kinds(face) == ["PHOTO"]
+    assert material.shown(face) == "PLAIN"
+
+
+def test_maps_of_the_first_version_get_their_new_name(painted_face):
+    face, _ = painted_face
+    own = material.of_face(face)
+    own.node_tree.nodes["PHOTO"].name = "CONFIDENCE"
+    own[material.KIND_KEY] = "CONFIDENCE"
+    material.upgrade()
+    assert material.shown(face) == "DEVIATION"
+    assert material.stored_kinds(face) == ["DEVIATION"]
+
+
+def test_quality_is_told_in_numbers(tmp_path):
+    messages = load("bsface_addon.messages")
+    result = faces.reconstruction(tmp_path)
+    facts = scene.quality_facts(result)
+    assert facts["used"] == 3 and facts["photos"] == 4
+    # Its median over the net: that over the face is not far.
+    assert facts["deviation_mm"] == pytest.approx(1.0, abs=0.05)
+    assert facts["eyes_px"] == pytest.approx(0.9 * 62)
+    text = messages.quality(facts)
+    assert text == (
+        "3 of 4 photos used; typical deviation 1.0 mm; eyes 56 pixels apart."
+    )
+    unknown = scene.quality_facts(dataclasses.replace(result, deviation=None))
+    assert "deviation" not in messages.quality(unknown) and not messages.quality({})

@@ -127,7 +127,9 @@ def test_texture_is_saved_with_the_forehead_on_top(face, tmp_path):
     cv2 = pytest.importorskip("cv2")
     picture = np.zeros((8, 6, 3), np.uint8)
     picture[0] = (250, 20, 10)
-    material.store_map(face, "PHOTO", picture)
+    square = np.array([[-1, -1], [2, -1], [2, 2], [-1, 2]], float)
+    painted = load("bsface_addon.maps").painted(picture, square)
+    material.store_map(face, "PHOTO", painted)
     with pytest.raises(RuntimeError, match="No picture"):
         bpy.ops.bsface.texture_save(filepath=str(tmp_path / "a.png"))
     bpy.ops.bsface.surface_map(kind="PHOTO")
@@ -264,3 +266,31 @@ def test_system_information_names_the_versions(addon):
     text = messages.system_information()
     assert bpy.app.version_string in text and "scipy" in text
     assert bpy.ops.bsface.copy_information() == {"FINISHED"}
+
+
+def test_the_view_is_trimmed_to_the_outline_or_whole(face):
+    assert material.is_trimmed(face)
+    for trim, alpha in ((False, 1.0), (True, 0.0)):
+        bpy.ops.bsface.surface_trim(trim=trim)
+        bpy.ops.bsface.surface_map(kind="NORMALS")
+        image = material.stored_map(face, "NORMALS")
+        pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
+        image.pixels.foreach_get(pixels)
+        opacity = pixels.reshape(*image.size, 4)[..., 3]
+        assert opacity[0, 0] == alpha and opacity[256, 256] == 1.0
+
+
+def test_proportional_editing_reaches_a_feature_of_the_face(face):
+    tool = bpy.context.tool_settings
+    for before, after in ((1.0, 0.02), (0.005, 0.005)):
+        tool.proportional_size = before
+        bpy.ops.bsface.surface_net()
+        assert tool.proportional_size == pytest.approx(after)
+        bpy.ops.bsface.surface_net()
+
+
+def test_formats_without_their_package_are_not_offered():
+    export = load("bsface_addon.operators.export")
+    assert (".step", "STEP") in export.available()
+    kinds = {kind for kind, _ in export.available({".3dm": "no_such_package"})}
+    assert kinds == {kind for kind, _, _ in export.FORMATS} - {".3dm"}

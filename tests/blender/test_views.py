@@ -10,6 +10,7 @@ scene = load("bsface_addon.scene")
 editor = load("bsface_addon.landmark_editor")
 cameras = load("bsface_addon.cameras")
 photo_expression = load("bsface_addon.photo_expression")
+showing = load("bsface_addon.showing")
 surface_object = load("bsface_addon.surface_object")
 
 
@@ -30,11 +31,11 @@ def test_only_what_surrounds_the_face_is_hidden(face):
     beside = cube(2.0)
     beside.location.x = 5
     scene.select_only(bpy.context, face)
-    assert scene.surrounding(bpy.context, face) == [around]
+    assert showing.surrounding(bpy.context, face) == [around]
     bpy.ops.bsface.surroundings_hide()
     assert around.hide_get() and not (small.hide_get() or beside.hide_get())
     assert not around.hide_viewport
-    assert scene.surrounding(bpy.context, face) == []
+    assert showing.surrounding(bpy.context, face) == []
 
 
 def solid_views():
@@ -57,7 +58,9 @@ def test_maps_without_light_and_back(face):
         assert {s.light for s in views} == {"FLAT"}
         assert {s.color_type for s in views} == {"TEXTURE"}
     material = load("bsface_addon.material")
-    material.store_map(face, "SKIN", np.full((4, 4, 3), 0.5))
+    outline = load("bsface_addon.face_file").outline(face)
+    grey = load("bsface_addon.maps").painted(np.full((4, 4, 3), 128, np.uint8), outline)
+    material.store_map(face, "SKIN", grey)
     bpy.ops.bsface.surface_map(kind="SKIN")
     assert {(s.light, s.studio_light) for s in views} == {("STUDIO", "paint.sl")}
     bpy.ops.bsface.surface_map(kind="PLAIN")
@@ -133,7 +136,8 @@ def test_a_new_run_keeps_what_was_switched_and_looked_through(face):
     bpy.ops.bsface.reconstruct()
     found = cameras.of_face(face)
     assert bpy.context.scene.camera == found[1]
-    assert all(view.hide_viewport for view in found)
+    # Of the cameras that are hidden the one that is looked through shows its photo.
+    assert [view.hide_viewport for view in found] == [True, False, True]
     assert found[0].data.background_images[0].display_depth == "FRONT"
     suns = load("bsface_addon.lights").of_face(face)
     assert [sun.hide_viewport for sun in suns] == [True, False, True]
@@ -211,3 +215,40 @@ def test_a_run_over_photos_that_agree_forgets_the_expressions(mixed, tmp_path):
     result = faces.reconstruction(tmp_path / "photos")
     scene.place(bpy.context, result, "", face=face)
     assert face.data.shape_keys is None and photo_expression.STORED not in face
+
+
+def test_a_click_on_a_row_goes_to_its_camera(face):
+    state = bpy.context.scene.bsface
+    state.active_photo = 2
+    assert bpy.context.scene.camera[cameras.PHOTO_KEY] == "2.png"
+    bpy.ops.bsface.view_leave()
+    # The active row moves up, and nobody has clicked.
+    bpy.ops.bsface.photos_remove(photo="2.png")
+    assert state.active_photo == 1 and bpy.context.scene.camera is None
+
+
+def test_undo_takes_the_views_back_too(face):
+    views = list(cameras.views(bpy.context))
+    for view in views:
+        view.view_perspective = "PERSP"
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.bsface.view_photo("EXEC_DEFAULT", True)
+    assert all(view.view_perspective == "CAMERA" for view in views)
+    bpy.ops.ed.undo()
+    assert bpy.context.scene.camera is None
+    views = list(cameras.views(bpy.context))
+    assert all(view.view_perspective == "PERSP" for view in views)
+
+
+def test_opacity_is_that_of_photos_in_front(face):
+    state = bpy.context.scene.bsface
+    slot = cameras.of_face(face)[0].data.background_images[0]
+    state.photo_opacity = 0.3
+    assert slot.alpha == 1.0 and not cameras.in_front(face)
+    bpy.ops.bsface.view_front(front=True)
+    assert slot.alpha == pytest.approx(0.3) and cameras.in_front(face)
+    state.photo_opacity = 0.8
+    assert slot.alpha == pytest.approx(0.8)
+    bpy.ops.bsface.reconstruct()
+    slot = cameras.of_face(face)[0].data.background_images[0]
+    assert slot.alpha == pytest.approx(0.8)
