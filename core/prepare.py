@@ -18,7 +18,7 @@ import numpy as np
 
 from .errors import FailureCode, PhotoFailure, ReconstructionError
 from .identity.same_person import separate_identities
-from .images.folder import list_photos
+from .images.folder import is_video, nothing_found, scan_folder
 from .landmarks.candidates import CandidateReader
 from .landmarks.face_models import ModelFiles
 from .landmarks.face_selection import Candidate, choose_faces
@@ -52,6 +52,8 @@ class Inputs:
         Names of photos that are not to be used.
     constraint : Constraint or None
         Control points that stay.
+    recursive : bool
+        Whether a folder's sub-folders are read too.
     models : ModelFiles or None
         Files of the face networks.
     """
@@ -60,6 +62,7 @@ class Inputs:
     landmarks: Mapping[str, Landmarks] = field(default_factory=dict)
     ignore: Sequence[str] = ()
     constraint: Constraint | None = None
+    recursive: bool = False
     models: ModelFiles | None = None
 
     def __post_init__(self) -> None:
@@ -174,7 +177,7 @@ def collect_photos(
 
     Parameters
     ----------
-    photos : folder, or sequence of paths or (H, W, 3) arrays
+    photos : folder, video, or sequence of paths or (H, W, 3) arrays
     settings : Settings, optional
         Used are ``landmarks``, ``detector`` and ``one_person``.
     inputs : Inputs, optional
@@ -190,7 +193,7 @@ def collect_photos(
     """
     settings, inputs = settings or Settings(), inputs or Inputs()
     template = as_template(inputs.template, settings)
-    sources = _sources(photos)
+    sources, hints = _sources(photos, inputs.recursive)
     _check_names(inputs.ignore, [name for name, _ in sources])
     reader = CandidateReader(template, settings, inputs.landmarks, inputs.models)
     total = len(sources)
@@ -203,6 +206,8 @@ def collect_photos(
         check_cancelled()
         if name in inputs.ignore:
             outcome.append(PhotoFailure(name, "ignored", f"{name} is set aside."))
+        elif isinstance(source, Path) and is_video(source):
+            outcome += reader.read_video(source, name, check_cancelled)
         else:
             outcome.append(reader.read(source, name, check_cancelled))
     chosen = choose_faces(outcome)
@@ -212,22 +217,31 @@ def collect_photos(
         chosen, warnings = separate_identities(chosen)
     used = [item for item in chosen if isinstance(item, Candidate)]
     failures = tuple(item for item in chosen if isinstance(item, PhotoFailure))
-    _tell(progress, total, total, f"{len(used)} of {total} photos can be used")
+    _tell(progress, total, total, f"{len(used)} of {len(chosen)} photos can be used")
     if not used:
-        raise ReconstructionError(_nothing_usable(total, failures))
+        raise ReconstructionError(_nothing_usable(failures))
     return PhotoCollection(
         photos=tuple(item.photo for item in used),
         landmarks=tuple(item.landmarks for item in used),
         failures=failures,
         identity_warnings=warnings,
+        hints=hints,
         hashes=reader.hashes,
     )
 
 
-def _sources(photos: Photos) -> list[tuple[str, Path | np.ndarray]]:
-    """Names, unlike each other, and paths or arrays."""
+Sources = list[tuple[str, Path | np.ndarray]]
+
+
+def _sources(photos: Photos, recursive: bool) -> tuple[Sources, tuple[str, ...]]:
+    """Names, unlike each other, with paths or arrays; and what is passed over."""
     if isinstance(photos, str | os.PathLike):
-        return [(_printable(path.name), path) for path in list_photos(photos)]
+        if is_video(Path(photos)):
+            return [(_printable(Path(photos).name), Path(photos))], ()
+        scan = scan_folder(photos, recursive)
+        if not scan.sources:
+            raise ReconstructionError(nothing_found(scan))
+        return [(_printable(scan.shown(p)), p) for p in scan.sources], scan.hints()
     if isinstance(photos, np.ndarray) and _one_picture(photos):
         raise ReconstructionError(
             f"One picture of shape {photos.shape} was given in place of several; "
@@ -253,7 +267,7 @@ def _sources(photos: Photos) -> list[tuple[str, Path | np.ndarray]]:
         if count[name] > 1:
             taken[name] += 1
             names[i] = f"{name} ({taken[name]})"
-    return list(zip(names, items, strict=True))
+    return list(zip(names, items, strict=True)), ()
 
 
 def _source(item: object) -> Path | np.ndarray:
@@ -293,8 +307,8 @@ def _tell(progress: Progress | None, done: int, total: int, message: str) -> Non
         progress(Step("landmarks", done, total, done / total, message))
 
 
-def _nothing_usable(total: int, failures: tuple[PhotoFailure, ...]) -> str:
-    count = Counter(failure.code for failure in failures)
+def _nothing_usable(failures: tuple[PhotoFailure, ...]) -> str:
+    total, count = len(failures), Counter(failure.code for failure in failures)
     if total == 1:
         return f"The photo cannot be used: {failures[0].reason}"
     reasons = ", ".join(
