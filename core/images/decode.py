@@ -195,7 +195,8 @@ def decode(data: Picture8, reduction: int) -> np.ndarray | None:
 def quiet() -> Iterator[None]:
     """OpenCV warns on stderr about each damaged file; we say it in the report."""
     # OpenCV 4.13 moved the two functions.
-    log = cv2 if hasattr(cv2, "getLogLevel") else cv2.utils.logging
+    moved = getattr(cv2.utils, "logging", None)
+    log = cv2 if hasattr(cv2, "getLogLevel") or moved is None else moved
     level = log.getLogLevel()
     log.setLogLevel(_SILENT)
     try:

@@ -128,7 +128,7 @@ def why_not_loaded(path: Path, error: Exception, version: str) -> str:
     version : str
         Of OpenCV, such as ``"4.11.0"``.
     """
-    if [int(part) for part in re.findall(r"\d+", version)[:2]] < list(OLDEST_OPENCV):
+    if tuple(map(int, re.findall(r"\d+", version)[:2])) < OLDEST_OPENCV:
         oldest = ".".join(map(str, OLDEST_OPENCV))
         return (
             f"OpenCV {version} is too old for the face detector, which needs {oldest} "
