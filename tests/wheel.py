@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CHOSEN = ("000.jpg", "005.jpg", "011.jpg", "020.jpg")
 SMALL = ("--set=control_points=16,16", "--set=iterations=2")
 #: What depends most on the versions of the libraries.
-TESTS = ("photos", "facemesh", "bspline", "harmonics", "formats_npz", "formats_cad")
+TESTS = ("photos", "facemesh", "bspline", "harmonics", "face_file", "formats_cad")
 TOLERANCE_MM = 1e-6
 
 

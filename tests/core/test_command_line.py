@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -144,6 +145,16 @@ def test_versions(capsys):
     code, printed, _ = run(capsys, "--version")
     assert code == 0
     assert printed.startswith("bsface ") and "opencv" in printed
+
+
+def test_sub_folders_on_request(capsys, photos, tmp_path):
+    shutil.copytree(photos, tmp_path / "all" / "monday")
+    words = ["-o", tmp_path / "a.npz", "--json", "-q", *QUICK]
+    code, _, said = run(capsys, tmp_path / "all", *words)
+    assert code == 1 and "--recursive" in said
+    code, printed, _ = run(capsys, tmp_path / "all", "--recursive", *words)
+    assert code == 0
+    assert json.loads(printed)["photos"] == {"all": 3, "used": 3}
 
 
 def test_left_out_photos_are_named(capsys, photos, tmp_path):
