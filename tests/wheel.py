@@ -3,10 +3,10 @@
     python tests/wheel.py REFERENCE.npy       write the reference
     python -I tests/wheel.py REFERENCE.npy    an installed wheel, compared with it
 
-Commands run in a folder of their own, on four of the example photos. The control points
-have to be those of the reference to a millionth of the eye distance, whatever the
-versions of NumPy, SciPy and OpenCV. With the wheel, the tests of reading, surface, light
-and CAD formats run too.
+Commands run in a folder of their own, on four of the example photos. The control
+points have to be those of the reference to a millionth of the eye distance, whatever
+the versions of NumPy, SciPy and OpenCV. With the wheel, the tests of reading, surface,
+light and CAD formats run too.
 """
 
 from __future__ import annotations
