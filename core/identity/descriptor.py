@@ -30,6 +30,7 @@ from scipy.spatial import Delaunay
 from ..camera.camera import Camera
 from ..camera.linear_pose import linear_pose
 from ..images.photo import Photo
+from ..images.remap import read_between
 from ..landmarks.landmarks import Landmarks
 from ..photometry.sampling import LUMINANCE
 from ..surface.template import Template, load_template
@@ -268,7 +269,7 @@ def _read(photo: Photo, marks: Landmarks) -> tuple[Maps, Maps]:
         image = cv2.GaussianBlur(image, (0, 0), 0.5 * shrink)
     xy = np.einsum("pk,pkx->px", grid.share, points[grid.corner]).astype(np.float32)
     xy = xy.reshape(SIDE, SIDE, 2)
-    grey = cv2.remap(image, xy[..., 0], xy[..., 1], cv2.INTER_LINEAR)
+    grey = read_between(image, xy, cv2.BORDER_CONSTANT)
     h, w = image.shape
     seen = ((xy > 0) & (xy < (w - 1, h - 1))).all(2) & grid.inside.reshape(SIDE, SIDE)
     weight = np.where(template.landmark_reliable, marks.weight, 0.0)

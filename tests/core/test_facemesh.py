@@ -292,7 +292,7 @@ def test_true_cameras_see_the_template_where_the_detector_does(mesh):
 
 
 def test_missing_models_are_told_with_all_places(tmp_path):
-    with pytest.raises(ReconstructionError, match=r"dev\.py setup") as info:
+    with pytest.raises(ReconstructionError, match="bsface models fetch") as info:
         find_models(tmp_path)
     assert str(tmp_path) in str(info.value)
 
