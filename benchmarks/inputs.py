@@ -143,7 +143,7 @@ def main() -> None:
         if given is not None:
             face = surface_face(found.surface, load_template())
             error = score(load_measure(options.data), face, given).mean
-        used = sum(report.status == "used" for report in found.photos)
+        used = len(found.photos)
         away = compare(first.surface, found.surface).mean_pct
         rows.append(
             {"kind": kind, "used": used, "away": away, "error": error, "time": seconds}

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import ReconstructionError
-from .decode import why_not
+from .decode import RAW_ENDINGS, why_not
 from .png import is_marked
 
 READABLE_ENDINGS = frozenset((
@@ -20,10 +20,7 @@ READABLE_ENDINGS = frozenset((
 ))  # fmt: skip
 # Pictures that people do put into the folder and that cannot be read: they are
 # listed so that each gets its sentence.
-FOREIGN_ENDINGS = frozenset((
-    ".gif", ".jxl", ".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2",
-    ".psd",
-))  # fmt: skip
+FOREIGN_ENDINGS = RAW_ENDINGS | {".gif", ".jxl", ".psd"}
 VIDEO_ENDINGS = frozenset((
     ".mp4", ".mov", ".m4v", ".webm", ".avi", ".mkv",
 ))  # fmt: skip
