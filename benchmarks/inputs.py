@@ -74,15 +74,17 @@ def write_p3(pictures: Pictures, folder: Path, quality: int) -> None:
 def clip_writer(code: str, name: str) -> Callable[[Pictures, Path, int], None]:
     def write(pictures: Pictures, folder: Path, quality: int) -> None:
         h, w = pictures[0].shape[:2]
-        parameters = [cv2.VIDEOWRITER_PROP_QUALITY, quality] if code == "MJPG" else []
+        # Only OpenCV's own writer of MJPEG takes a quality.
+        own = code == "MJPG"
         writer = cv2.VideoWriter(
             str(folder / name),
-            cv2.CAP_FFMPEG,
+            cv2.CAP_OPENCV_MJPEG if own else cv2.CAP_FFMPEG,
             cv2.VideoWriter_fourcc(*code),
             10.0,
             (w, h),
-            parameters,
+            [cv2.VIDEOWRITER_PROP_QUALITY, quality] if own else [],
         )
+        assert writer.isOpened()
         for picture in pictures:
             writer.write(np.ascontiguousarray(picture[..., ::-1]))
         writer.release()
