@@ -2,9 +2,9 @@
 
 A zip holds the add-on, the core, the wheels of SciPy, OpenCV and the readers of HEIC
 and AVIF for one platform and one Python, and the two face model files, so that
-nothing is downloaded after the installation. NumPy is Blender's own. Blender 4.5 to
-5.0 have Python 3.11, 5.1 and later 3.13; a zip for both would break in some versions,
-hence two.
+nothing is downloaded after the installation. NumPy is Blender's own. Blender 4.5
+to 5.0 have Python 3.11, 5.1 and later 3.13; a zip for both would break in some
+versions, hence two.
 
     python tools/build_extension.py                                 all of them
     python tools/build_extension.py --platform linux-x64 --python 3.11

@@ -20,6 +20,10 @@ from ..errors import PhotoFailure, out_of_memory
 from .header import OPTIONAL, READABLE, ImageHeader
 
 MIN_SIDE = 32
+# Raw files begin as TIFF does, with a thumbnail that must not pass for the photo.
+RAW_ENDINGS = frozenset((
+    ".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2", ".pef", ".srw",
+))  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ _SIDE = 960
 _THUMBNAIL = 32
 # Mean difference in levels of 8 bits. Codec and sensor leave less than 0.5 between two
 # frames of a still scene.
-ALIKE = 2.0
+ALIKE = 1.0
 
 
 @dataclass(frozen=True, eq=False)

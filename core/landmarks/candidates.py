@@ -83,12 +83,12 @@ class CandidateReader:
 
     def read(
         self,
-        source: str | os.PathLike | np.ndarray,
+        source: str | os.PathLike | np.ndarray | Photo,
         name: str,
         check_cancelled: CheckCancelled,
     ) -> tuple[Candidate, ...] | PhotoFailure:
         """The faces of one photo, the largest first."""
-        photo = read_photo(source, name)
+        photo = source if isinstance(source, Photo) else read_photo(source, name)
         if isinstance(photo, PhotoFailure):
             return photo
         return self._candidates(photo, check_cancelled)
