@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from .errors import FailureCode, PhotoFailure, ReconstructionError
-from .identity.same_person import separate_identities
+from .identity.identify import identify
 from .images.folder import is_video, nothing_found, scan_folder
 from .landmarks.candidates import CandidateReader
 from .landmarks.face_models import ModelFiles
-from .landmarks.face_selection import Candidate, choose_faces
+from .landmarks.face_selection import Candidate
 from .landmarks.landmarks import Landmarks
 from .landmarks.observations import observe_landmarks
 from .problem import Constraint, PhotoCollection, Problem
@@ -210,11 +210,16 @@ def collect_photos(
             outcome += reader.read_video(source, name, check_cancelled)
         else:
             outcome.append(reader.read(source, name, check_cancelled))
-    chosen = choose_faces(outcome)
-    warnings: tuple[str, ...] = ()
-    if settings.one_person:
+
+    def compared() -> None:
         _tell(progress, total, total, "comparing the faces")
-        chosen, warnings = separate_identities(chosen)
+
+    chosen, warnings = identify(
+        outcome,
+        one_person=settings.one_person,
+        models=inputs.models,
+        check_cancelled=compared,
+    )
     used = [item for item in chosen if isinstance(item, Candidate)]
     failures = tuple(item for item in chosen if isinstance(item, PhotoFailure))
     _tell(progress, total, total, f"{len(used)} of {len(chosen)} photos can be used")

