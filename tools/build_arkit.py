@@ -97,6 +97,12 @@ def lid_loops(head, uv) -> np.ndarray:
     outer = loop[:, 0].argmax()
     if loop[: outer + 1, 1].mean() > loop[outer:, 1].mean():
         loop = np.roll(loop[::-1], 1, axis=0)
+        outer = loop[:, 0].argmax()
+    # The coarse mesh makes steps beside the corners; the corners stay.
+    for _ in range(3):
+        smooth = (np.roll(loop, 1, axis=0) + 2 * loop + np.roll(loop, -1, axis=0)) / 4
+        smooth[[0, outer]] = loop[[0, outer]]
+        loop = smooth
     return np.stack([loop * (-1, 1) + (1, 0), loop])
 
 
