@@ -27,6 +27,7 @@ from .progress import Progress, Step
 from .reconstruct import reconstruct
 from .report.report import write_report
 from .result import PhotoReport, Provenance, Reconstruction
+from .rig.arkit import ARKIT_NAMES, arkit_keys
 from .settings import Settings
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
@@ -40,6 +41,7 @@ logging.getLogger(__name__).addHandler(logging.NullHandler())
 __version__ = VERSION
 
 __all__ = [
+    "ARKIT_NAMES",
     "BSplineSurface",
     "Camera",
     "Cancelled",
@@ -60,6 +62,7 @@ __all__ = [
     "Texture",
     "TrackedPhoto",
     "Tracking",
+    "arkit_keys",
     "bake_texture",
     "compare",
     "export",

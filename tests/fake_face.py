@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from bsface.photometry.lighting import PhotometricEvidence
 from bsface.result import HistoryEntry, PhotoReport, Reconstruction
@@ -172,7 +173,7 @@ def person_folder(
     import json
 
     from bsface.camera.camera import Camera
-    from bsface.drawing import pictures, render
+    from bsface.drawing import render
     from bsface.drawing.rasterize import rasterize
     from bsface.images.colour import to_picture
     from bsface.photometry import harmonics
@@ -201,7 +202,7 @@ def person_folder(
         picture[raster.covered] = colour * shading[:, None]
         picture += rng.normal(0, 0.004, picture.shape)
         path = folder / f"{index}.png"
-        pictures.write_png(path, to_picture(picture))
+        cv2.imwrite(str(path), to_picture(picture)[..., ::-1])
         points = camera.project(template.landmark_xyz)
         points += rng.normal(0, 0.3, points.shape)
         text = json.dumps(

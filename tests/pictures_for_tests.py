@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 
 import cv2
 import numpy as np
+from PIL import Image
 
 
 def encoded(ending: str, rgb: np.ndarray, *options: int) -> bytes:
@@ -91,6 +93,118 @@ def cmyk(rgb: np.ndarray) -> bytes:
     frame = b"\xff\xc0" + struct.pack(">HBHHB", 20, 8, h, w, 4)
     frame += b"".join(bytes([k, 0x11, 0]) for k in (1, 2, 3, 4))
     return b"".join([*parts, *tables, frame, *scans, b"\xff\xd9"])
+
+
+# --- colour profiles -----------------------------------------------------------------
+
+D65 = (0.3127, 0.3290)
+PRIMARIES = {
+    "sRGB": ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06)),
+    "Display P3": ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060)),
+    "Adobe RGB": ((0.64, 0.33), (0.21, 0.71), (0.15, 0.06)),
+}
+
+
+def rgb_to_xyz(space: str) -> np.ndarray:
+    """(3, 3): linear RGB of a space to XYZ under D65."""
+    xyz = [np.array([x, y, 1 - x - y]) / y for x, y in (*PRIMARIES[space], D65)]
+    rgb = np.stack(xyz[:3], axis=1)
+    return rgb * np.linalg.solve(rgb, xyz[3])
+
+
+def icc_profile(space: str, curve: bytes, colours: bytes = b"RGB ") -> bytes:
+    """An ICC profile of version 2: primaries adapted to D50 by Bradford, one curve."""
+    bradford = np.array(
+        [
+            [0.8951, 0.2664, -0.1614],
+            [-0.7502, 1.7135, 0.0367],
+            [0.0389, -0.0685, 1.0296],
+        ]
+    )
+    d65 = rgb_to_xyz(space).sum(axis=1)
+    d50 = np.array([0.9642, 1.0, 0.8249])
+    scale = np.diag((bradford @ d50) / (bradford @ d65))
+    columns = np.linalg.solve(bradford, scale @ bradford @ rgb_to_xyz(space)).T
+    tags = {b"wtpt": _xyz(d50)}
+    for letter, column in zip(b"rgb", columns, strict=True):
+        tags[bytes([letter]) + b"XYZ"] = _xyz(column)
+        tags[bytes([letter]) + b"TRC"] = curve
+    tags[b"desc"] = b"desc" + bytes(4) + struct.pack(">I", 5) + b"test\0" + bytes(78)
+    tags[b"cprt"] = b"text" + bytes(4) + b"none\0"
+    if colours == b"GRAY":
+        tags = {b"wtpt": _xyz(d50), b"kTRC": curve}
+    table, bodies, at = b"", b"", 132 + 12 * len(tags)
+    for name, body in tags.items():
+        body += bytes(-len(body) % 4)
+        table += struct.pack(">4sII", name, at + len(bodies), len(body))
+        bodies += body
+    content = struct.pack(">I", len(tags)) + table + bodies
+    head = struct.pack(">I4sI4s4s4s", len(content) + 128, b"", 0x02400000, b"mntr",
+                       colours, b"XYZ ")  # fmt: skip
+    head += bytes(12) + b"acsp" + bytes(28) + _xyz(d50)[8:] + bytes(48)
+    return head + content
+
+
+def _xyz(values: np.ndarray) -> bytes:
+    return (
+        b"XYZ " + bytes(4) + struct.pack(">3i", *np.round(values * 65536).astype(int))
+    )
+
+
+def power_curve(gamma: float) -> bytes:
+    return b"curv" + bytes(4) + struct.pack(">IH", 1, round(gamma * 256)) + bytes(2)
+
+
+def formula_curve(kind: int, *numbers: float) -> bytes:
+    fixed = [round(number * 65536) for number in numbers]
+    return b"para" + bytes(4) + struct.pack(f">HH{len(fixed)}i", kind, 0, *fixed)
+
+
+def table_curve(values: np.ndarray) -> bytes:
+    stored = np.round(values * 65535).astype(">u2").tobytes()
+    return b"curv" + bytes(4) + struct.pack(">I", len(values)) + stored
+
+
+SRGB_FORMULA = formula_curve(3, 2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
+
+
+def png_with_profile(png: bytes, profile: bytes) -> bytes:
+    return png[:33] + _chunk(b"iCCP", b"x\0\0" + zlib.compress(profile)) + png[33:]
+
+
+def jpeg_with_profile(jpeg: bytes, profile: bytes, part: int = 65000) -> bytes:
+    parts = [profile[at : at + part] for at in range(0, len(profile), part)]
+    segments = b""
+    for number, piece in enumerate(parts, 1):
+        body = b"ICC_PROFILE\0" + bytes([number, len(parts)]) + piece
+        segments += b"\xff\xe2" + struct.pack(">H", len(body) + 2) + body
+    return jpeg[:2] + segments + jpeg[2:]
+
+
+# --- by optional packages ------------------------------------------------------------
+
+
+def heic(
+    rgb: np.ndarray, quality: int = 95, turn: int = 1, profile: bytes = b""
+) -> bytes:
+    """A HEIC file as pillow-heif writes it: uint16 with 10 bits, uint8 with 8."""
+    import pillow_heif
+
+    mode = "RGB" if rgb.dtype == np.uint8 else "RGB;16"
+    picture = pillow_heif.from_bytes(mode, rgb.shape[1::-1], rgb.tobytes())
+    buffer = io.BytesIO()
+    about = {"icc_profile": profile} if profile else {}
+    exif = Image.Exif()
+    exif[274] = turn
+    picture.save(buffer, quality=quality, exif=exif.tobytes(), **about)
+    return buffer.getvalue()
+
+
+def by_pillow(kind: str, rgb: np.ndarray, **options: object) -> bytes:
+    """``AVIF`` or ``JPEG2000``."""
+    buffer = io.BytesIO()
+    Image.fromarray(rgb).save(buffer, kind, **options)
+    return buffer.getvalue()
 
 
 def exif_turned(jpeg: bytes, orientation: int) -> bytes:

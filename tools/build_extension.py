@@ -1,8 +1,8 @@
 """Build the Blender extension: one zip per platform and Python, into dist/.
 
-A zip holds the add-on, the core, the wheels of SciPy and OpenCV for one platform
-and one Python, and the two face model files, so that nothing is downloaded after
-the installation. NumPy is Blender's own. Blender 4.5 to 5.0 have Python 3.11,
+A zip holds the add-on, the core, the wheels of SciPy, OpenCV and the readers of HEIC
+and AVIF for one platform and one Python, and the two face model files, so that
+nothing is downloaded after the installation. NumPy is Blender's own. Blender 4.5 to 5.0 have Python 3.11,
 5.1 and later 3.13; a zip for both would break in some versions, hence two.
 
     python tools/build_extension.py                                 all of them
@@ -29,7 +29,7 @@ from pathlib import Path
 from fetch_models import FetchError, cache_folder, fetch_models
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("scipy", "opencv-python-headless")
+PACKAGES = ("scipy", "opencv-python-headless", "pi-heif", "pillow")
 # What goes into a zip; everything else of the checkout stays out.
 CONTENT = ("__init__.py", "blender_manifest.toml", "LICENSE", "core", "bsface_addon")
 # Platform in Blender's words -> wheel tags, the newest acceptable ones. A macOS

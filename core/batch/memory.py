@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import sys
 
-from ..errors import ReconstructionError, out_of_memory
+from ..errors import out_of_memory
 from ..threads import take_working_space
 
 #: Bytes below which not even the program and its networks fit.
@@ -34,16 +34,16 @@ def parse_memory(text: str) -> int:
 
 
 def check_memory(limit: int | None) -> None:
-    """Raise a `ReconstructionError` for a limit that cannot be held, in bytes."""
+    """Raise a ValueError for a limit, in bytes, that cannot be held."""
     if limit is None:
         return
     if not sys.platform.startswith("linux"):
-        raise ReconstructionError(
+        raise ValueError(
             "The memory of a worker can be limited on Linux only; leave the limit out "
             "and use fewer workers."
         )
     if limit < LEAST:
-        raise ReconstructionError(
+        raise ValueError(
             f"A limit of {limit / 1e6:.0f} MB is too low for any face; give at least "
             f"{LEAST / 1e6:.0f} MB."
         )

@@ -21,7 +21,7 @@ from ..errors import ReconstructionError
 from ..files import write_text
 from ..images.folder import list_photos
 from ..landmarks.landmarks import landmark_file_beside
-from ..report.report import versions
+from ..report.facts import versions
 
 RECORD = "done.json"
 
@@ -128,7 +128,7 @@ def sweep(folder: Path) -> None:
 
 
 def people_in(folder: str | os.PathLike) -> tuple[Path, ...]:
-    """The sub-folders of a folder, one a person, in the order of their names.
+    """The sub-folders of a folder, one per person, in the order of their names.
 
     Raises
     ------
@@ -137,13 +137,19 @@ def people_in(folder: str | os.PathLike) -> tuple[Path, ...]:
     """
     folder = Path(folder)
     try:
+        here = folder.resolve()
         found = sorted(
-            p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")
+            p
+            for p in folder.iterdir()
+            if p.is_dir()
+            and not p.name.startswith(".")
+            # a link to the folder itself or to one above it is no person
+            and not here.is_relative_to(p.resolve())
         )
     except OSError as error:
         raise ReconstructionError(
             f"{folder}: cannot open this folder ({error.strerror}); give the folder "
-            "that holds one sub-folder of photos a person."
+            "that holds one sub-folder of photos per person."
         ) from None
     if not found:
         raise ReconstructionError(
@@ -159,9 +165,18 @@ def summary_csv(outcomes: Sequence[Outcome]) -> str:
     table.writerow(["person", "status", "used", "photos", "remark"])
     for outcome in outcomes:
         status = "failed" if outcome.status == "failed" else "done"
-        remark = outcome.reason or " ".join(outcome.warnings)
-        table.writerow([outcome.person, status, outcome.used, outcome.photos, remark])
+        person, remark = (_cell(outcome.person), _cell(_remark(outcome)))
+        table.writerow([person, status, outcome.used, outcome.photos, remark])
     return text.getvalue()
+
+
+def _cell(text: str) -> str:
+    """A cell that no spreadsheet takes for a formula (folders have any names)."""
+    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
+
+
+def _remark(outcome: Outcome) -> str:
+    return outcome.reason or " ".join(outcome.warnings)
 
 
 def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
@@ -170,9 +185,8 @@ def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
     lines = [f"{'person':<{width}}  {'status':<7}  {'photos':>9}  {'time':>7}  remark"]
     for o in outcomes:
         time = f"{o.seconds:.0f} s" if o.seconds else ""
-        remark = o.reason or " ".join(o.warnings)
         photos = f"{o.used} of {o.photos}"
         lines.append(
-            f"{o.person:<{width}}  {o.status:<7}  {photos:>9}  {time:>7}  {remark}"
+            f"{o.person:<{width}}  {o.status:<7}  {photos:>9}  {time:>7}  {_remark(o)}"
         )
     return lines

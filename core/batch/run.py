@@ -1,43 +1,37 @@
-"""Many people: one reconstruction a folder, on any ``concurrent.futures`` executor.
+"""Many people: one reconstruction per folder, on any ``concurrent.futures`` executor.
 
-PEOPLE holds one sub-folder of photos a person; OUT gets one folder a person and
+PEOPLE holds one sub-folder of photos per person; OUT gets one folder per person and
 ``summary.csv``. A batch may be killed at any time and started again: people that are
 finished and whose photos and settings have not changed are skipped, and the end is the
-same, byte for byte. A bad folder, a crash and even the death of a worker cost only that
-person. A worker process does one person and ends, which gives its memory back.
+same, byte for byte, apart from the logs, which hold times. A bad folder, a crash and
+even the death of a worker cost only that person.
 """
 
 from __future__ import annotations
 
 import contextlib
-import logging
-import multiprocessing
 import os
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
 import cv2
 
-from .._start import WORKER
 from ..errors import ReconstructionError
-from ..files import write_text
+from ..files import why_not_writable, write_text
 from ..formats import ending, export
+from ..json_text import to_json
 from ..reconstruct import reconstruct
+from ..report.facts import result_facts
+from ..report.log_file import log_file, logged
 from ..report.report import write_report
+from ..result import Reconstruction
 from ..settings import Settings
 from ..texture.bake import bake_texture, write_texture
-from .memory import (
-    check_memory,
-    ended_abruptly,
-    for_want_of_memory,
-    held_to,
-    limit_memory,
-    too_little,
-)
+from .memory import check_memory, for_want_of_memory, held_to, too_little
+from .processes import on_executor, on_processes
 from .record import (
     Outcome,
     fingerprint,
@@ -48,14 +42,15 @@ from .record import (
     write_record,
 )
 
-logger = logging.getLogger(__name__)
-
 #: What a batch writes for each person unless told otherwise.
 WANTED = ("face.npz", "report.html")
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+#: What a batch always writes for each person: the facts (`report.facts`) and a log.
+FACTS, LOG = "result.json", "log.txt"
+
+#: In the face files of a batch, which are to be the same whenever it is run.
+DATE = "1980-01-01T00:00:00Z"
 
 Told = Callable[[Outcome, int, int], None]
-Outcomes = Generator[Outcome, None, None]
 
 
 def run_batch(
@@ -74,14 +69,14 @@ def run_batch(
     Parameters
     ----------
     people : path-like
-        Folder with one sub-folder a person.
+        Folder with one sub-folder per person.
     out : path-like
         Folder for the results.
     settings : Settings, optional
         The same for all.
     wanted : sequence of str
-        Files a person: ``face.`` with any ending of ``formats``, ``report.html`` and
-        ``texture.png``.
+        Files per person: ``face.`` with any ending of ``formats``, ``report.html`` and
+        ``texture.png``. ``result.json`` and ``log.txt`` are always written.
     workers : int
         Processes on this machine, when no executor is given.
     executor : Executor, optional
@@ -100,18 +95,25 @@ def run_batch(
 
     Raises
     ------
+    ValueError
+        When an argument cannot be carried out: ``workers`` below 1, a file that a batch
+        does not make, a limit of memory that cannot be held, OUT inside PEOPLE or in
+        a place where nothing can be written.
     ReconstructionError
-        When there are no people, OUT cannot be written or ``memory`` cannot be held.
+        When there are no people.
     """
-    folders = people_in(people)
     out = Path(out)
     _check_wanted(wanted)
+    _check_out(Path(people), out)
     check_memory(memory)
+    if workers < 1:
+        raise ValueError(f"A batch needs at least one worker, not {workers}.")
     if executor is not None and memory is not None:
-        raise ReconstructionError(
+        raise ValueError(
             "The limit of memory holds for processes here only; give that of "
             "the cluster to its workers (`dask worker --memory-limit`)."
         )
+    folders = people_in(people)
     with contextlib.suppress(OSError):
         out.mkdir(parents=True, exist_ok=True)
         sweep(out)
@@ -122,9 +124,9 @@ def run_batch(
     }
     finished: dict[str, Outcome] = {}
     if executor is None:
-        runs = _on_processes(jobs, max(1, workers), memory)
+        runs = on_processes(run_person, jobs, workers, memory)
     else:
-        runs = _on_executor(executor, jobs)
+        runs = on_executor(executor, run_person, jobs)
     try:
         for outcome in runs:
             finished[outcome.person] = outcome
@@ -154,36 +156,50 @@ def run_person(
         known = recall(target, mark)
         if known is not None:
             return known
-        result = reconstruct(folder, Settings.from_dict(settings))
-        texture = None
-        if "texture.png" in wanted:
-            texture = bake_texture(result)
-        for name in wanted:
-            path = target / name
-            if name == "report.html":
-                write_report(path, result, timings=False, title=person)
-            elif name == "texture.png" and texture is not None:
-                write_texture(path, texture.albedo, mask=texture.measured)
-            else:
-                export(path, result, name=person)
-        files = list(wanted)
-        if "report.html" in wanted:
-            files += ["report.json", "report.png"]
+        with log_file(target / LOG, f"bsface batch: {folder}"):
+            face = reconstruct(
+                folder, Settings.from_dict(settings), progress=logged(None)
+            )
+            files = _write(face, target, wanted)
         outcome = Outcome(
             person=person,
             status="done",
-            used=sum(r.status == "used" for r in result.reports),
-            photos=len(result.reports),
-            warnings=tuple(result.warnings),
-            files=tuple(files),
+            used=sum(row.status == "used" for row in face.reports),
+            photos=len(face.reports),
+            warnings=tuple(face.warnings),
+            files=files,
             seconds=time.perf_counter() - start,
         )
         write_record(target, mark, outcome)
         return outcome
     except Exception as error:
         reason = _why(error, folder)
-    seconds = time.perf_counter() - start
-    return Outcome(person, "failed", reason, seconds=seconds)
+    return Outcome(person, "failed", reason, seconds=time.perf_counter() - start)
+
+
+def _write(
+    face: Reconstruction, target: Path, wanted: Sequence[str]
+) -> tuple[str, ...]:
+    """Write a person's files; their names, without that of the log."""
+    files = [*wanted, FACTS]
+    for name in wanted:
+        path = target / name
+        if name == "report.html":
+            # its JSON would be that of FACTS
+            write_report(
+                path, face, timings=False, title=target.name, companions=(".png",)
+            )
+            files.append("report.png")
+        elif name == "texture.png":
+            texture = bake_texture(face)
+            write_texture(path, texture.albedo, mask=texture.measured)
+        elif name == "face.npz":
+            face.save(path, date=DATE)
+        else:
+            export(path, face, name=target.name)
+    facts = result_facts(face, title=target.name, files=[*files, LOG], timings=False)
+    write_text(target / FACTS, to_json(facts, indent=1) + "\n")
+    return tuple(files)
 
 
 def _why(error: Exception, folder: str) -> str:
@@ -192,99 +208,33 @@ def _why(error: Exception, folder: str) -> str:
         return too_little(folder, held_to())
     if isinstance(error, ReconstructionError):
         return str(error)
-    # A fault of ours in one folder must not stop the other people.
-    logger.error("batch: %s", folder, exc_info=error)
+    # A fault of ours in one folder must not stop the other people; the log has it all.
     return f"{folder}: unexpected {type(error).__name__}: {error}"
 
 
 def _check_wanted(wanted: Sequence[str]) -> None:
+    """Raise a ValueError for a file that a batch does not make."""
     for name in wanted:
         if name in ("report.html", "texture.png"):
             continue
-        if Path(name).name != name or not ending(name):
-            raise ReconstructionError(
+        if not ending(name) or name != f"face{ending(name)}":
+            raise ValueError(
                 f"{name!r} cannot be made by a batch; ask for face.npz, face.step, "
                 "another ending of a face, report.html or texture.png."
             )
 
 
-# ----------------------------------------------------------------- execution
-def _on_executor(executor: Executor, jobs: dict[str, tuple]) -> Outcomes:
-    """Outcomes as they come from an executor that lives elsewhere."""
-    futures = {executor.submit(run_person, *job): name for name, job in jobs.items()}
+def _check_out(people: Path, out: Path) -> None:
+    """Raise a ValueError for a folder in which results cannot stand."""
     try:
-        for future in as_completed(futures):
-            yield _result(future, futures[future])
-    finally:
-        for future in futures:
-            future.cancel()
-
-
-def _on_processes(
-    jobs: dict[str, tuple], workers: int, memory: int | None = None
-) -> Outcomes:
-    """Outcomes from processes here, which may die without stopping the rest."""
-    waiting = dict(jobs)
-    with _as_workers():
-        while waiting:
-            for outcome in _one_pool(waiting, workers, memory):
-                waiting.pop(outcome.person)
-                yield outcome
-            # Left over: a worker died. It was one of the first in line; take these
-            # alone, so that the next death has a name.
-            for name in list(waiting)[: 2 * workers + 1]:
-                outcomes = list(_one_pool({name: waiting[name]}, 1, memory))
-                reason = ended_abruptly(waiting[name][0], memory)
-                waiting.pop(name)
-                yield outcomes[0] if outcomes else Outcome(name, "failed", reason)
-
-
-def _one_pool(jobs: dict[str, tuple], workers: int, memory: int | None) -> Outcomes:
-    """Outcomes of one pool until all are done or one of its processes dies."""
-    # A fresh interpreter for every person: nothing is inherited, all memory returns.
-    pool = ProcessPoolExecutor(
-        min(workers, len(jobs)),
-        mp_context=multiprocessing.get_context("spawn"),
-        max_tasks_per_child=1,
-        initializer=limit_memory,
-        initargs=(memory,),
-    )
-    try:
-        futures = {pool.submit(run_person, *job): name for name, job in jobs.items()}
-        for future in as_completed(futures):
-            if isinstance(future.exception(), BrokenProcessPool):
-                continue
-            yield _result(future, futures[future])
-    except BrokenProcessPool:
-        return
-    except BaseException:
-        # Interrupted: nobody waits for what is being computed.
-        for process in list(pool._processes.values()):
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _result(future: Any, person: str) -> Outcome:
-    """The outcome of a future; what a worker could not even report is a failure."""
-    error = future.exception()
-    if error is None:
-        return future.result()
-    return Outcome(person, "failed", f"{person}: {type(error).__name__}: {error}")
-
-
-@contextlib.contextmanager
-def _as_workers() -> Iterator[None]:
-    """Processes that start here compute with one thread and end without a word."""
-    names = (*_THREADS, WORKER)
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        inside = out.resolve().is_relative_to(people.resolve())
+    except OSError as error:  # links in a circle
+        raise ValueError(f"{out}: cannot be used ({error.strerror}).") from None
+    if inside:
+        raise ValueError(
+            f"{out} lies in the folder of the people, so that the next run would take "
+            "results for photos; choose another folder for the results."
+        )
+    why = why_not_writable(out / "summary.csv")
+    if why:
+        raise ValueError(f"{out}: {why}.")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -36,7 +35,9 @@ def parse_settings(pairs: Sequence[str]) -> Settings:
     return Settings.from_dict(values)
 
 
-def check_outputs(outputs: Sequence[str], report: str | None = None) -> None:
+def check_outputs(
+    outputs: Sequence[str], *, report: str | None = None, log: str | None = None
+) -> None:
     """Refuse what cannot be written before the work is done, not after it.
 
     Raises
@@ -52,12 +53,7 @@ def check_outputs(outputs: Sequence[str], report: str | None = None) -> None:
             )
     if report is not None and Path(report).suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"{report}: the page must end in .html.")
-    for name in (*outputs, *([report] if report else [])):
-        why = why_not_writable(Path(name))
+    for name in (*outputs, report, log):
+        why = why_not_writable(Path(name)) if name else ""
         if why:
             raise ValueError(f"{name}: {why}.")
-
-
-def say(sentence: str) -> None:
-    """A sentence on the terminal, whatever the output is piped into."""
-    sys.stderr.write(f"bsface: {sentence}\n")

@@ -2,13 +2,14 @@
 
 python -m bsface batch PEOPLE OUT [--workers 2] [--memory 2G]
                                   [--scheduler tcp://host:8786]
-                                  [--set NAME=VALUE ...] [--write FILE ...]
+                                  [--set NAME=VALUE ...] [--write FILE ...] [--json]
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -17,8 +18,10 @@ from ..batch.memory import parse_memory
 from ..batch.record import Outcome, summary_lines
 from ..batch.run import WANTED, run_batch
 from ..errors import ReconstructionError
-from ..settings import Settings
+from ..json_text import to_json
+from ..report.facts import SCHEMA
 from .arguments import parse_settings
+from .terminal import say, write_out
 
 
 def parser() -> argparse.ArgumentParser:
@@ -26,18 +29,18 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog="bsface batch", description="One face from each sub-folder of photos."
     )
-    p.add_argument("people", help="folder with one sub-folder of photos a person")
+    p.add_argument("people", help="folder with one sub-folder of photos per person")
     p.add_argument("out", help="folder for the results")
     p.add_argument("--workers", type=int, default=2, help="processes here, default 2")
     p.add_argument(
-        "--memory", metavar="SIZE", help="most memory a worker, such as 2G (Linux)"
+        "--memory", metavar="SIZE", help="most memory per worker, such as 2G (Linux)"
     )
     p.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler instead")
     p.add_argument(
         "--write",
         action="append",
         metavar="FILE",
-        help="file a person, such as face.step or texture.png; may be given again "
+        help="file per person, such as face.step or texture.png; may be given again "
         f"(default {', '.join(WANTED)})",
     )
     p.add_argument(
@@ -47,11 +50,18 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME=VALUE",
         help="a setting, the same for all people",
     )
+    p.add_argument("--json", action="store_true", help="print the table as JSON")
     return p
 
 
-def main(argv: Sequence[str], settings: Settings | None = None) -> int:
+def main(argv: Sequence[str], executor: Executor | None = None) -> int:
     """Run a batch from the command line.
+
+    Parameters
+    ----------
+    argv : sequence of str
+    executor : Executor, optional
+        Where to compute, unless ``--scheduler`` is given; by default processes here.
 
     Returns
     -------
@@ -60,43 +70,47 @@ def main(argv: Sequence[str], settings: Settings | None = None) -> int:
         130 interrupted.
     """
     options = parser().parse_args(argv)
-    try:
-        if options.set or settings is None:
-            settings = parse_settings(options.set)
-        memory = parse_memory(options.memory) if options.memory else None
-    except ValueError as error:
-        sys.stderr.write(f"bsface: {error}\n")
-        return 2
 
     def told(outcome: Outcome, finished: int, total: int) -> None:
         sys.stderr.write(f"[{finished}/{total}] {outcome.person}: {outcome.status}\n")
 
     try:
-        with _client(options.scheduler) as executor:
+        settings = parse_settings(options.set)
+        memory = parse_memory(options.memory) if options.memory else None
+        with _executor(options.scheduler, executor) as chosen:
             outcomes = run_batch(
                 options.people,
                 options.out,
                 settings,
                 wanted=options.write or WANTED,
                 workers=options.workers,
-                executor=executor,
+                executor=chosen,
                 memory=memory,
                 told=told,
             )
+    except ValueError as error:
+        say(str(error))
+        return 2
     except ReconstructionError as error:
-        sys.stderr.write(f"bsface: {error}\n")
+        say(str(error))
         return 1
     except KeyboardInterrupt:
-        sys.stderr.write("bsface: interrupted; the same command goes on from here\n")
+        say("interrupted; the same command goes on from here")
         return 130
-    sys.stdout.write("\n".join(summary_lines(outcomes)) + "\n")
-    return int(any(outcome.status == "failed" for outcome in outcomes))
+    if options.json:
+        people = [dataclasses.asdict(outcome) for outcome in outcomes]
+        text = to_json({"schema": SCHEMA, "people": people}, indent=1)
+    else:
+        text = "\n".join(summary_lines(outcomes))
+    code = write_out(text + "\n")
+    return code or int(any(outcome.status == "failed" for outcome in outcomes))
 
 
 @contextlib.contextmanager
-def _client(address: str | None) -> Iterator[Executor | None]:
+def _executor(address: str | None, given: Executor | None) -> Iterator[Executor | None]:
+    """The executor of the Dask scheduler at an address, else the given one."""
     if address is None:
-        yield None
+        yield given
         return
     try:
         from distributed import Client  # type: ignore[import-not-found]

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from ..errors import ReconstructionError
 from ..formats import ending, export, load_face
-from .arguments import check_outputs, say
+from .arguments import check_outputs
+from .terminal import say
 
 
 def parser() -> argparse.ArgumentParser:

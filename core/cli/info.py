@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,7 +12,7 @@ from ..errors import ReconstructionError
 from ..formats import load_face
 from ..json_text import plain, to_json
 from ..result import Reconstruction
-from .arguments import say
+from .terminal import say, write_out
 
 
 def parser() -> argparse.ArgumentParser:
@@ -32,7 +31,7 @@ def main(argv: Sequence[str]) -> int:
     Returns
     -------
     int
-        0 done, 1 the file is no face.
+        0 done, 1 the file is no face, 2 wrong call.
     """
     args = parser().parse_args(argv)
     try:
@@ -42,8 +41,7 @@ def main(argv: Sequence[str]) -> int:
         return 1
     facts = summary(face)
     text = to_json(facts, indent=1) if args.json else "\n".join(_lines(facts))
-    sys.stdout.write(text + "\n")
-    return 0
+    return write_out(text + "\n")
 
 
 def summary(face: Reconstruction) -> dict[str, Any]:

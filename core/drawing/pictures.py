@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..files import write_bytes
+from ..images.png import marked
 
 
 # ---------------------------------------------------------------- colour maps
@@ -65,14 +66,18 @@ def _colour_table(name: str) -> npt.NDArray[np.uint8]:
 
 # ------------------------------------------------------------------- encoding
 def encode_png(image: npt.NDArray) -> bytes:
-    """PNG bytes of an (H, W), (H, W, 3) or (H, W, 4) uint8 or uint16 picture."""
+    """PNG bytes of an (H, W), (H, W, 3) or (H, W, 4) uint8 or uint16 picture.
+
+    They carry the note that bsface wrote them, by which a folder of photos passes
+    them over.
+    """
     if image.ndim == 3:
         order = cv2.COLOR_RGB2BGR if image.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
         image = cv2.cvtColor(image, order)
     done, data = cv2.imencode(".png", image)
     if not done:
         raise ValueError(f"picture of shape {image.shape} cannot be encoded as PNG")
-    return data.tobytes()
+    return marked(data.tobytes())
 
 
 def encode_jpeg(image: npt.NDArray[np.uint8], quality: int = 85) -> bytes:

@@ -4,33 +4,121 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+from .._types import Array
 from ..errors import ReconstructionError
 from ..result import Reconstruction
+from ..rig.mesh import quad_mesh
+from .exchange import ExchangeCurve
 from .face_file import load_face, save_face
+from .glb import write_glb
 from .iges import write_iges
 from .mesh import write_mesh_obj, write_mesh_ply
 from .obj import write_freeform_obj
+from .options import ExportOptions, Stamp
+from .printing import write_3mf, write_stl
 from .rhino import write_3dm
+from .solid import solid
 from .step import write_step
 
-#: Ending -> (what it is, writer(path, surface, outline_uv, name, ...)). The longest
-#: ending that fits counts.
-WRITERS: dict[str, tuple[str, Callable[..., Path]]] = {
-    ".step": ("STEP, trimmed B-spline surface", write_step),
-    ".stp": ("STEP, trimmed B-spline surface", write_step),
-    ".igs": ("IGES 128 / 144, trimmed B-spline surface", write_iges),
-    ".iges": ("IGES 128 / 144, trimmed B-spline surface", write_iges),
-    ".3dm": ("Rhino, B-spline surface and outline curve", write_3dm),
-    ".nurbs.obj": ("OBJ, free-form B-spline surface", write_freeform_obj),
-    ".obj": ("OBJ, triangle mesh", write_mesh_obj),
-    ".ply": ("PLY, triangle mesh", write_mesh_ply),
+Writer = Callable[[Path, Reconstruction, ExportOptions], Path]
+
+
+def _outline(face: Reconstruction, options: ExportOptions) -> Array | None:
+    return face.template.outline_uv if options.trimmed else None
+
+
+def _name(path: Path, options: ExportOptions) -> str:
+    return options.name or path.name[: -len(ending(path))] or "face"
+
+
+def _step(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    return write_step(
+        path,
+        face.surface,
+        _outline(face, options),
+        _name(path, options),
+        stamp=Stamp(options.author, options.date),
+        curves=options.curves,
+    )
+
+
+def _iges(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    return write_iges(
+        path,
+        face.surface,
+        _outline(face, options),
+        _name(path, options),
+        stamp=Stamp(options.author, options.date),
+        curves=options.curves,
+    )
+
+
+def _3dm(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    outline, name = _outline(face, options), _name(path, options)
+    return write_3dm(path, face.surface, outline, name, curves=options.curves)
+
+
+def _freeform_obj(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    outline, name = _outline(face, options), _name(path, options)
+    return write_freeform_obj(path, face.surface, outline, name)
+
+
+def _obj(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    return write_mesh_obj(
+        path,
+        face.surface,
+        _outline(face, options),
+        _name(path, options),
+        tolerance=options.tolerance,
+        texture=options.texture,
+    )
+
+
+def _ply(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    outline, name = _outline(face, options), _name(path, options)
+    return write_mesh_ply(path, face.surface, outline, name, options.tolerance)
+
+
+def _glb(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    mesh = quad_mesh(
+        face,
+        options.density,
+        eyes=options.openings,
+        mouth=options.openings,
+        keys=options.keys,
+    )
+    return write_glb(path, mesh, _name(path, options), options.texture)
+
+
+def _solid(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    outline = _outline(face, options)
+    points, triangles = solid(
+        face.surface, outline, options.thickness, options.tolerance
+    )
+    write = write_stl if ending(path) == ".stl" else write_3mf
+    return write(path, points, triangles, _name(path, options))
+
+
+#: Ending -> (what it is, writer). The longest ending that fits counts.
+WRITERS: dict[str, tuple[str, Writer]] = {
+    ".step": ("STEP, trimmed B-spline surface", _step),
+    ".stp": ("STEP, trimmed B-spline surface", _step),
+    ".igs": ("IGES 128 / 144, trimmed B-spline surface", _iges),
+    ".iges": ("IGES 128 / 144, trimmed B-spline surface", _iges),
+    ".3dm": ("Rhino, B-spline surface and outline curve", _3dm),
+    ".nurbs.obj": ("OBJ, free-form B-spline surface", _freeform_obj),
+    ".obj": ("OBJ, triangle mesh", _obj),
+    ".ply": ("PLY, triangle mesh", _ply),
+    ".glb": ("glTF, quads with eyes, mouth and the 52 ARKit keys", _glb),
+    ".stl": ("STL, closed solid", _solid),
+    ".3mf": ("3MF, closed solid", _solid),
 }
 
 #: Endings whose writers take ``tolerance`` in millimetres.
-MESH_ENDINGS = (".obj", ".ply")
+MESH_ENDINGS = (".obj", ".ply", ".stl", ".3mf")
 
 
 def ending(path: str | os.PathLike) -> str:
@@ -47,8 +135,9 @@ def export(
     path: str | os.PathLike,
     face: Reconstruction,
     *,
-    trimmed: bool = True,
-    tolerance: float = 0.05,
+    options: ExportOptions | None = None,
+    trimmed: bool | None = None,
+    tolerance: float | None = None,
     name: str | None = None,
 ) -> Path:
     """Write a face in the format of the file's ending.
@@ -59,12 +148,10 @@ def export(
         One of ``.npz`` and the endings of `WRITERS`.
     face : Reconstruction
         From `reconstruct` or `load`.
-    trimmed : bool
-        Trim to the face's outline where the format can.
-    tolerance : float
-        Of mesh formats, mm.
-    name : str, optional
-        Name of the object in the file; by default the file's own.
+    options : ExportOptions, optional
+        What else may be chosen.
+    trimmed, tolerance, name : optional
+        The same fields of ``options``, for short.
 
     Returns
     -------
@@ -73,7 +160,8 @@ def export(
     Raises
     ------
     ReconstructionError
-        Unknown ending, missing optional package, or the file cannot be written.
+        Unknown ending, unusable option, missing optional package, or the file cannot be
+        written.
     """
     found = ending(path)
     if not found:
@@ -82,34 +170,38 @@ def export(
         )
     if found == ".npz":
         return save_face(path, face)
-    options: dict[str, Any] = {}
-    if found in MESH_ENDINGS:
-        if not tolerance > 0:
-            raise ReconstructionError(
-                f"{path}: the tolerance must be a positive length in millimetres, "
-                f"not {tolerance:g}."
-            )
-        options["tolerance"] = tolerance
-    return WRITERS[found][1](
-        path,
-        face.surface,
-        face.template.outline_uv if trimmed else None,
-        name=name or Path(path).name[: -len(found)] or "face",
-        **options,
-    )
+    options = options or ExportOptions()
+    if trimmed is not None:
+        options = replace(options, trimmed=trimmed)
+    if tolerance is not None:
+        options = replace(options, tolerance=tolerance)
+    if name is not None:
+        options = replace(options, name=name)
+    options.check(path)
+    try:
+        return WRITERS[found][1](Path(path), face, options)
+    except ValueError as error:
+        raise ReconstructionError(f"{path}: {error}.") from error
 
 
 __all__ = [
     "MESH_ENDINGS",
     "WRITERS",
+    "ExchangeCurve",
+    "ExportOptions",
+    "Stamp",
     "ending",
     "export",
     "load_face",
     "save_face",
+    "solid",
     "write_3dm",
+    "write_3mf",
     "write_freeform_obj",
+    "write_glb",
     "write_iges",
     "write_mesh_obj",
     "write_mesh_ply",
     "write_step",
+    "write_stl",
 ]

@@ -49,6 +49,10 @@ class ExchangeCurve:
         return spline(np.asarray(t, float))
 
 
+#: Curves in space with their names.
+NamedCurves = tuple[tuple[str, ExchangeCurve], ...]
+
+
 @dataclass(frozen=True)
 class ExchangeSurface:
     """A face as CAD formats want it.

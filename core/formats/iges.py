@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ import numpy.typing as npt
 
 from ..files import write_bytes
 from ..surface.bspline import BSplineSurface
-from .exchange import ExchangeCurve, ExchangeSurface, exchange_surface
+from .exchange import ExchangeCurve, ExchangeSurface, NamedCurves, exchange_surface
+from .options import ANONYMOUS, Stamp
 from .step import real
 
 # Directory status: blank, subordinate, use, hierarchy (two digits each).
@@ -30,6 +32,9 @@ def write_iges(
     surface: BSplineSurface,
     outline_uv: npt.ArrayLike | None = None,
     name: str = "face",
+    *,
+    stamp: Stamp = ANONYMOUS,
+    curves: NamedCurves = (),
 ) -> Path:
     """Write an IGES file.
 
@@ -41,17 +46,28 @@ def write_iges(
         Outline in the core's (u, v); the whole surface without it.
     name : str
         Label, at most 8 letters are kept.
+    stamp : Stamp
+        Author and date.
+    curves : tuple of (name, ExchangeCurve)
+        More curves in space.
 
     Raises
     ------
     ReconstructionError
         When the file cannot be written.
     """
-    text = iges_text(exchange_surface(surface, outline_uv), name)
+    face = exchange_surface(surface, outline_uv)
+    text = iges_text(face, name, stamp=stamp, curves=curves)
     return write_bytes(path, text.encode("ascii"))
 
 
-def iges_text(face: ExchangeSurface, name: str = "face") -> str:
+def iges_text(
+    face: ExchangeSurface,
+    name: str = "face",
+    *,
+    stamp: Stamp = ANONYMOUS,
+    curves: NamedCurves = (),
+) -> str:
     """The text of the file: 80 columns, sections S, G, D, P, T."""
     label = name.encode("ascii", "replace").decode("ascii")[:8]
     directory: list[str] = []
@@ -91,12 +107,15 @@ def iges_text(face: ExchangeSurface, name: str = "face") -> str:
         # Made by no projection in particular; the curve in (u, v) is the master.
         on_surface = add(142, [0, surface, flat, space, 1], _DEPENDENT)
         add(144, [surface, 1, 0, on_surface], _INDEPENDENT)
+    for _, curve in curves:
+        closed = bool((curve.control_points[0] == curve.control_points[-1]).all())
+        add(126, _curve(curve, False, closed), _INDEPENDENT)
 
     start = [f"{'B-spline face surface, millimetres':<72}S{1:>7d}"]
     largest = float(np.abs(face.control_points).max())
     header = [
         f"{text:<72}G{number:>7d}"
-        for number, text in enumerate(_wrapped(_global(label, largest), 72), 1)
+        for number, text in enumerate(_wrapped(_global(label, largest, stamp), 72), 1)
     ]
     counts = (len(start), len(header), len(directory), len(parameters))
     sizes = "".join(f"{s}{c:>7d}" for s, c in zip("SGDP", counts, strict=True))
@@ -120,17 +139,18 @@ def _wrapped(values: list[str], width: int) -> list[str]:
     return [*lines, line]
 
 
-def _global(label: str, largest: float) -> list[str]:
+def _global(label: str, largest: float, stamp: Stamp) -> list[str]:
     def text(value: str) -> str:
         return f"{len(value)}H{value}"
 
-    date = text("19700101.000000")
+    date = text(datetime.fromisoformat(stamp.date).strftime("%Y%m%d.%H%M%S"))
+    author = text(stamp.author.encode("ascii", "replace").decode("ascii")[:60])
     return [
         *(text(","), text(";"), text(label), text(f"{label}.igs")),
         *(text("bsface"), text("bsface"), "32", "38", "6", "308", "15"),
         # Scale 1, unit 2 = millimetres, line weights.
         *(text(label), "1.", "2", text("MM"), "1", "0.1", date),
-        *("1.E-6", real(largest), text(""), text(""), "11", "0", date),
+        *("1.E-6", real(largest), author, text(""), "11", "0", date),
     ]
 
 

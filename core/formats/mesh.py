@@ -16,10 +16,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ..errors import ReconstructionError
 from ..files import write_bytes, write_text
 from ..surface.bspline import BSplineSurface
 
 Array = npt.NDArray[np.float64]
+#: First bytes of the pictures that a material may refer to, and their endings.
+SIGNATURES = {b"\x89PNG\r\n\x1a\n": ".png", b"\xff\xd8\xff": ".jpg"}
 
 
 @dataclass(frozen=True)
@@ -276,8 +279,9 @@ def write_mesh_obj(
     surface: BSplineSurface,
     outline_uv: npt.ArrayLike | None = None,
     name: str = "face",
-    tolerance: float = 0.05,
-    texture: str | None = None,
+    *,
+    tolerance: float = 0.25,
+    texture: str | os.PathLike | None = None,
 ) -> Path:
     """Write a triangle mesh as Wavefront OBJ with texture coordinates and normals.
 
@@ -290,13 +294,14 @@ def write_mesh_obj(
         Name of the object.
     tolerance : float
         Largest distance between surface and mesh, mm.
-    texture : str, optional
-        File name of a picture over (u, v); a material file is written beside the OBJ.
+    texture : path, optional
+        A PNG or JPEG picture over (u, v). It is copied beside the OBJ under its name,
+        and a material file ``.mtl`` refers to it.
 
     Raises
     ------
     ReconstructionError
-        When the file cannot be written.
+        When the picture cannot be read or a file cannot be written.
     ValueError
         See :func:`tessellate`.
     """
@@ -304,9 +309,14 @@ def write_mesh_obj(
     mesh = tessellate(surface, outline_uv, tolerance)
     lines = [f"# B-spline face within {tolerance:g} mm, millimetres"]
     if texture is not None:
-        material = path.with_suffix(".mtl")
+        content, ending = read_texture(texture)
+        # Spaces in a file name end the statement in many readers.
+        plain = "_".join(path.stem.split())
+        picture = write_bytes(path.with_name(plain + ending), content)
+        material = path.with_name(f"{plain}.mtl")
         write_text(
-            material, f"newmtl skin\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {texture}\n"
+            material,
+            f"newmtl skin\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {picture.name}\n",
         )
         lines.append(f"mtllib {material.name}")
     lines.append(f"o {'_'.join(name.split())}")
@@ -320,12 +330,35 @@ def write_mesh_obj(
     return write_text(path, "\n".join([*lines, ""]))
 
 
+def read_texture(path: str | os.PathLike) -> tuple[bytes, str]:
+    """Content of a PNG or JPEG picture and its ending, ".png" or ".jpg".
+
+    Raises
+    ------
+    ReconstructionError
+        When it cannot be read or is something else.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise ReconstructionError(
+            f"{path}: the texture cannot be read ({error.strerror}); "
+            "give a PNG or JPEG picture."
+        ) from None
+    for signature, ending in SIGNATURES.items():
+        if content.startswith(signature):
+            return content, ending
+    raise ReconstructionError(
+        f"{path}: the texture is no PNG or JPEG picture; convert it."
+    )
+
+
 def write_mesh_ply(
     path: str | os.PathLike,
     surface: BSplineSurface,
     outline_uv: npt.ArrayLike | None = None,
     name: str = "face",
-    tolerance: float = 0.05,
+    tolerance: float = 0.25,
 ) -> Path:
     """Write a triangle mesh as binary PLY.
 

@@ -1,8 +1,9 @@
 """Rhino ``.3dm`` in millimetres, by the optional package ``rhino3dm`` (extra ``cad``).
 
-The file holds the clamped NURBS surface and, on a layer of its own, the outline as
-NURBS curves. ``rhino3dm`` cannot make a trimmed face; in Rhino ``Trim`` with them
-does it in one step. v of the file is 1 - v of the core, see :mod:`.exchange`.
+The file holds the clamped NURBS surface, the outline and other curves as NURBS curves,
+each kind on a layer of its own. ``rhino3dm`` cannot make a trimmed face; in Rhino
+``Trim`` with the outline does it in one step. v of the file is 1 - v of the core, see
+:mod:`.exchange`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy.typing as npt
 from ..errors import ReconstructionError
 from ..files import replacing
 from ..surface.bspline import BSplineSurface
-from .exchange import exchange_surface
+from .exchange import ExchangeCurve, NamedCurves, exchange_surface
 
 
 def write_3dm(
@@ -25,6 +26,8 @@ def write_3dm(
     surface: BSplineSurface,
     outline_uv: npt.ArrayLike | None = None,
     name: str = "face",
+    *,
+    curves: NamedCurves = (),
 ) -> Path:
     """Write a Rhino file.
 
@@ -36,6 +39,8 @@ def write_3dm(
         Outline in the core's (u, v); no outline curve without it.
     name : str
         Name of the object.
+    curves : tuple of (name, ExchangeCurve)
+        More curves in space, on the layer "curves".
 
     Raises
     ------
@@ -65,20 +70,15 @@ def write_3dm(
         for j in range(n):
             x, y, z = face.control_points[i, j].tolist()
             patch.Points[i, j] = rhino3dm.Point4d(x, y, z, 1.0)
-    model.Objects.AddSurface(patch, _attributes(rhino3dm, name, 0))
-
-    if face.edges:
-        layer = rhino3dm.Layer()
-        layer.Name = "outline"
-        index = model.Layers.Add(layer)
-        attributes = _attributes(rhino3dm, f"{name} outline", index)
-        for edge in face.edges:
-            curve = rhino3dm.NurbsCurve(3, False, 4, len(edge.control_points))
-            for k, knot in enumerate(edge.knots[1:-1]):
-                curve.Knots[k] = float(knot)
-            for k, (x, y, z) in enumerate(edge.control_points.tolist()):
-                curve.Points[k] = rhino3dm.Point4d(x, y, z, 1.0)
-            model.Objects.AddCurve(curve, attributes)
+    layer = _layer(rhino3dm, model, "surface")
+    model.Objects.AddSurface(patch, _attributes(rhino3dm, name, layer))
+    outline = tuple((f"{name} outline", edge) for edge in face.edges)
+    for kind, drawn in (("outline", outline), ("curves", curves)):
+        if drawn:
+            layer = _layer(rhino3dm, model, kind)
+            for label, curve in drawn:
+                attributes = _attributes(rhino3dm, label, layer)
+                model.Objects.AddCurve(_curve(rhino3dm, curve), attributes)
 
     path = Path(path)
     with replacing(path) as temporary:
@@ -87,6 +87,22 @@ def write_3dm(
                 f"{path}: rhino3dm could not write the file; choose another folder."
             )
     return path
+
+
+def _layer(rhino3dm: Any, model: Any, name: str) -> int:
+    """Index of a new layer. A file without layers puts everything on the first one."""
+    layer = rhino3dm.Layer()
+    layer.Name = name
+    return model.Layers.Add(layer)
+
+
+def _curve(rhino3dm: Any, curve: ExchangeCurve) -> Any:
+    made = rhino3dm.NurbsCurve(3, False, 4, len(curve.control_points))
+    for k, knot in enumerate(curve.knots[1:-1]):
+        made.Knots[k] = float(knot)
+    for k, (x, y, z) in enumerate(curve.control_points.tolist()):
+        made.Points[k] = rhino3dm.Point4d(x, y, z, 1.0)
+    return made
 
 
 def _attributes(rhino3dm: Any, name: str, layer: int) -> Any:

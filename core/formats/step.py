@@ -3,7 +3,8 @@
 One ``OPEN_SHELL`` with one ``ADVANCED_FACE`` on a ``B_SPLINE_SURFACE_WITH_KNOTS``; each
 edge of its outline has a curve in space and its twin in (u, v). Without an
 outline the four borders of the surface bound the face. v of the file is 1 - v of the
-core, see :mod:`.exchange`. Equal faces give equal bytes: the time stamp is fixed.
+core, see :mod:`.exchange`. Equal faces give equal bytes: the time stamp is fixed unless
+it is given. More curves in space follow as a ``GEOMETRIC_CURVE_SET``.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import numpy.typing as npt
 
 from ..files import write_bytes
 from ..surface.bspline import BSplineSurface
-from .exchange import ExchangeSurface, exchange_surface
+from .exchange import ExchangeSurface, NamedCurves, exchange_surface
+from .options import ANONYMOUS, Stamp
 
 Array = npt.NDArray[np.float64]
 
@@ -27,6 +29,9 @@ def write_step(
     surface: BSplineSurface,
     outline_uv: npt.ArrayLike | None = None,
     name: str = "face",
+    *,
+    stamp: Stamp = ANONYMOUS,
+    curves: NamedCurves = (),
 ) -> Path:
     """Write a STEP file.
 
@@ -38,17 +43,29 @@ def write_step(
         Outline in the core's (u, v); the whole surface without it.
     name : str
         Name of the product.
+    stamp : Stamp
+        Author and date.
+    curves : tuple of (name, ExchangeCurve)
+        More curves in space.
 
     Raises
     ------
     ReconstructionError
         When the file cannot be written.
     """
-    text = step_text(exchange_surface(surface, outline_uv), name)
+    text = step_text(
+        exchange_surface(surface, outline_uv), name, stamp=stamp, curves=curves
+    )
     return write_bytes(path, text.encode("ascii"))
 
 
-def step_text(face: ExchangeSurface, name: str = "face") -> str:
+def step_text(
+    face: ExchangeSurface,
+    name: str = "face",
+    *,
+    stamp: Stamp = ANONYMOUS,
+    curves: NamedCurves = (),
+) -> str:
     """The text of the file."""
     model = _Model()
     label = _string(name)
@@ -64,12 +81,15 @@ def step_text(face: ExchangeSurface, name: str = "face") -> str:
         f"MANIFOLD_SURFACE_SHAPE_REPRESENTATION({label},({shells}),{geometry})"
     )
     model.add(f"SHAPE_DEFINITION_REPRESENTATION({definition},{representation})")
+    if curves:
+        _curve_set(model, curves, context)
     return "\n".join(
         [
             "ISO-10303-21;",
             "HEADER;",
             "FILE_DESCRIPTION(('B-spline face surface'),'2;1');",
-            f"FILE_NAME({label},'1970-01-01T00:00:00',(''),(''),'bsface','bsface','');",
+            f"FILE_NAME({label},{_string(stamp.date)},({_string(stamp.author)}),(''),"
+            "'bsface','bsface','');",
             "FILE_SCHEMA(('AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }'));",
             "ENDSEC;",
             "DATA;",
@@ -143,6 +163,25 @@ def _spline_curve(
         f"B_SPLINE_CURVE_WITH_KNOTS('',3,({listed}),.UNSPECIFIED.,{flag},.F.,"
         f"{times},{values},.UNSPECIFIED.)"
     )
+
+
+def _curve_set(model: _Model, curves: NamedCurves, context: tuple[str, str]) -> None:
+    """The curves as a representation of the same product."""
+    geometry, definition = context
+    drawn = []
+    for name, curve in curves:
+        closed = bool((curve.control_points[0] == curve.control_points[-1]).all())
+        spline = _spline_curve(model, curve.control_points, curve.knots, closed)
+        # The name of an entity is its first value.
+        number = int(spline[1:]) - 1
+        model.lines[number] = model.lines[number].replace("('',", f"({_string(name)},")
+        drawn.append(spline)
+    gathered = model.add(f"GEOMETRIC_CURVE_SET('curves',({','.join(drawn)}))")
+    representation = model.add(
+        "GEOMETRICALLY_BOUNDED_WIREFRAME_SHAPE_REPRESENTATION("
+        f"'curves',({gathered}),{geometry})"
+    )
+    model.add(f"SHAPE_DEFINITION_REPRESENTATION({definition},{representation})")
 
 
 def _vertex(model: _Model, point: Array) -> str:

@@ -9,18 +9,50 @@ from __future__ import annotations
 import contextlib
 import stat
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from .._types import Picture8
 from ..errors import PhotoFailure, out_of_memory
-from .header import READABLE, ImageHeader
+from .header import OPTIONAL, READABLE, ImageHeader
 
-MAX_PIXELS = 200_000_000
-MAX_DECODED_BYTES = 600_000_000
-MAX_FILE_BYTES = 600_000_000
 MIN_SIDE = 32
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How large a picture may be.
+
+    Parameters
+    ----------
+    pixels : int
+        More are refused.
+    decoded_bytes : int
+        As the file stores them; more are refused.
+    file_bytes : int
+        A larger file is refused.
+    full_size_pixels : int
+        A larger picture is decoded at a half, a quarter or an eighth of its size: a
+        face that fills a sixth of 16 megapixels still has 650 pixels.
+    """
+
+    pixels: int = 200_000_000
+    decoded_bytes: int = 600_000_000
+    file_bytes: int = 600_000_000
+    full_size_pixels: int = 16_000_000
+
+    def reduction(self, pixels: int) -> int:
+        """1, 2, 4 or 8: the part of its size at which so large a picture is read."""
+        reduction = 1
+        while reduction < 8 and pixels / reduction**2 > self.full_size_pixels:
+            reduction *= 2
+        return reduction
+
+
+LIMITS = Limits()
 
 _SILENT = 0  # OpenCV's LOG_LEVEL_SILENT, which its Python module does not name
 
@@ -38,7 +70,9 @@ def why_not(error: OSError) -> str:
     return text[:1].lower() + text[1:]
 
 
-def file_bytes(path: Path, name: str) -> np.ndarray | PhotoFailure:
+def file_bytes(
+    path: Path, name: str, limits: Limits = LIMITS
+) -> Picture8 | PhotoFailure:
     """(n,) uint8 content of a regular file of a sensible size."""
     try:
         info = path.stat()
@@ -53,12 +87,12 @@ def file_bytes(path: Path, name: str) -> np.ndarray | PhotoFailure:
                 "unreadable",
                 f"{name} is empty (zero bytes); copy it again.",
             )
-        if info.st_size > MAX_FILE_BYTES:
+        if info.st_size > limits.file_bytes:
             return PhotoFailure(
                 name,
                 "too_large",
                 f"{name} has {info.st_size / 1e6:.0f} MB, more than "
-                f"{MAX_FILE_BYTES / 1e6:.0f}; save it smaller.",
+                f"{limits.file_bytes / 1e6:.0f}; save it smaller.",
             )
         return np.fromfile(path, np.uint8)
     except (OSError, ValueError) as error:
@@ -70,7 +104,9 @@ def file_bytes(path: Path, name: str) -> np.ndarray | PhotoFailure:
         )
 
 
-def judge_header(header: ImageHeader | None, name: str) -> PhotoFailure | None:
+def judge_header(
+    header: ImageHeader | None, name: str, limits: Limits = LIMITS
+) -> PhotoFailure | None:
     """Why a picture with this header is not decoded, or None."""
     if header is None:
         return PhotoFailure(
@@ -78,13 +114,15 @@ def judge_header(header: ImageHeader | None, name: str) -> PhotoFailure | None:
             "unreadable",
             f"{name} is not a picture, whatever its name says; remove it.",
         )
-    if header.format not in READABLE:
+    if header.format not in READABLE | OPTIONAL:
         return PhotoFailure(
             name,
             "unreadable",
             f"{name} is a {header.format} picture, which cannot be read here; "
             "export it as JPEG or PNG.",
         )
+    if header.format in OPTIONAL and header.pixels == 0:
+        return damaged(name)
     if min(header.width, header.height) < MIN_SIDE:
         return PhotoFailure(
             name,
@@ -93,17 +131,23 @@ def judge_header(header: ImageHeader | None, name: str) -> PhotoFailure | None:
             "for a face; use the original picture.",
         )
     decoded = header.pixels * max(header.bytes_per_pixel, 3)
-    if header.pixels > MAX_PIXELS or decoded > MAX_DECODED_BYTES:
+    if header.pixels > limits.pixels or decoded > limits.decoded_bytes:
         return PhotoFailure(
             name,
             "too_large",
-            f"{name} has {header.width} x {header.height} pixels, more than can "
-            f"be read ({MAX_PIXELS // 10**6} megapixels of 8 bits); save it smaller.",
+            f"{name} has {header.width} x {header.height} pixels, more than can be "
+            f"read ({limits.pixels // 10**6} megapixels of 8 bits); save it smaller.",
         )
     return None
 
 
-def decode(data: np.ndarray, reduction: int) -> np.ndarray | None:
+def damaged(name: str) -> PhotoFailure:
+    """The failure of a file that begins well."""
+    why = f"{name} is damaged or cut short; copy or export it again."
+    return PhotoFailure(name, "unreadable", why)
+
+
+def decode(data: Picture8, reduction: int) -> np.ndarray | None:
     """(h, w, 3) RGB, EXIF-turned, at 1 / `reduction` of its size; None if damaged.
 
     Parameters

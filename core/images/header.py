@@ -12,11 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .boxes import boxes, inside
+from .tiff import directory
+
 # Numbers of TIFF's tags.
 WIDTH, HEIGHT, BITS_PER_SAMPLE, SAMPLES = 256, 257, 258, 277
 
-# OpenCV's reader of JPEG 2000 ends the process on some damaged files: not used.
+# What OpenCV reads. Its reader of JPEG 2000 ends the process on some damaged files.
 READABLE = frozenset({"JPEG", "PNG", "BMP", "TIFF", "WebP", "PNM"})
+# What the optional packages read (`codecs`).
+OPTIONAL = frozenset({"HEIC", "AVIF", "JPEG 2000"})
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,7 @@ class ImageHeader:
     Parameters
     ----------
     format : str
-        ``"JPEG"``, ``"PNG"``...; those in `READABLE` can be decoded here.
+        ``"JPEG"``, ``"PNG"``...; those in `READABLE` and `OPTIONAL` can be decoded.
     width, height : int
         Pixels, before any EXIF turn; 0 if the format is only recognised.
     bytes_per_pixel : float
@@ -101,37 +106,13 @@ def _bmp(view: memoryview) -> ImageHeader:
 
 
 def _tiff(view: memoryview) -> ImageHeader | None:
-    order = "<" if bytes(view[:2]) == b"II" else ">"
-    if struct.unpack(order + "H", view[2:4])[0] == 43:
-        (at,) = struct.unpack(order + "Q", view[8:16])
-        (count,) = struct.unpack(order + "Q", view[at : at + 8])
-        at, entry, value, word = at + 8, 20, 12, "Q"
-    else:
-        (at,) = struct.unpack(order + "I", view[4:8])
-        (count,) = struct.unpack(order + "H", view[at : at + 2])
-        at, entry, value, word = at + 2, 12, 8, "I"
-    tags: dict[int, int] = {}
-    for i in range(min(count, 1000)):
-        start = at + entry * i
-        tag, kind = struct.unpack(order + "HH", view[start : start + 4])
-        (values,) = struct.unpack(order + word, view[start + 4 : start + value])
-        code = {1: "B", 3: "H", 4: "I", 16: "Q"}.get(kind)
-        if code is None or (entry == 12 and code == "Q"):
-            continue
-        size = struct.calcsize(code)
-        field = view[start + value : start + value + size]
-        if tag == BITS_PER_SAMPLE and values * size > entry - value:
-            # Too many values for the field: it says where the first one stands.
-            (at_bits,) = struct.unpack(
-                order + word, view[start + value : start + entry]
-            )
-            field = view[at_bits : at_bits + size]
-        tags[tag] = struct.unpack(order + code, field)[0]
+    tags = directory(view)
     if WIDTH not in tags or HEIGHT not in tags:
         return None
-    channels = min(tags.get(SAMPLES, 1), 8)
-    bits = min(tags.get(BITS_PER_SAMPLE, 1), 64)
-    return ImageHeader("TIFF", tags[WIDTH], tags[HEIGHT], channels * max(bits, 8) / 8)
+    width, height = tags[WIDTH].number(), tags[HEIGHT].number()
+    channels = min(tags[SAMPLES].number(), 8) if SAMPLES in tags else 1
+    bits = min(tags[BITS_PER_SAMPLE].number(), 64) if BITS_PER_SAMPLE in tags else 1
+    return ImageHeader("TIFF", width, height, channels * max(bits, 8) / 8)
 
 
 def _webp(view: memoryview) -> ImageHeader | None:
@@ -164,22 +145,51 @@ def _pnm(view: memoryview) -> ImageHeader | None:
     return None
 
 
+def _heif(view: memoryview) -> ImageHeader | None:
+    """The largest picture in the file: others are its tiles and thumbnails."""
+    _, brands = next(boxes(view))
+    names = {bytes(brands[i : i + 4]) for i in range(0, min(len(brands), 400), 4)}
+    kind = "AVIF" if names & {b"avif", b"avis"} else "HEIC"
+    path = (b"meta", b"iprp", b"ipco")
+    sizes = [struct.unpack(">II", box[4:12]) for box in inside(view, *path, b"ispe")]
+    width, height = max(sizes, key=lambda size: size[0] * size[1], default=(0, 0))
+    # Bits of each channel; 10 and 12 are decoded to 16.
+    deep = any(max(box[5:9], default=8) > 8 for box in inside(view, *path, b"pixi"))
+    return ImageHeader(kind, width, height, 6 if deep else 3)
+
+
+def _jp2(view: memoryview) -> ImageHeader | None:
+    if view[0] == 0xFF:  # the bare codestream: SIZ follows its start
+        right, bottom, left, top = struct.unpack(">IIII", view[8:24])
+        (count,) = struct.unpack(">H", view[40:42])
+        return ImageHeader("JPEG 2000", right - left, bottom - top, min(count, 8))
+    for box in inside(view, b"jp2h", b"ihdr"):
+        height, width, count = struct.unpack(">IIH", box[:10])
+        return ImageHeader("JPEG 2000", width, height, min(count, 8))
+    return None
+
+
 def _named(name: str):
     return lambda view: ImageHeader(name)
 
+
+# Brands of ISO/IEC 23008-12 and AVIF, as the file's first.
+_HEIF_BRANDS = (
+    b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1", b"avif",
+    b"avis",
+)  # fmt: skip
 
 _FORMATS = (
     (lambda h: h[:3] == b"\xff\xd8\xff", _jpeg),
     (lambda h: h[:8] == b"\x89PNG\r\n\x1a\n" and h[12:16] == b"IHDR", _png),
     (lambda h: h[:2] == b"BM", _bmp),
-    (lambda h: h[4:12] in (b"ftypheic", b"ftypheix", b"ftypmif1"), _named("HEIC")),
-    (lambda h: h[4:12] in (b"ftypavif", b"ftypavis"), _named("AVIF")),
+    (lambda h: h[4:8] == b"ftyp" and h[8:12] in _HEIF_BRANDS, _heif),
     (lambda h: h[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), _tiff),
     (lambda h: h[:4] == b"RIFF" and h[8:12] == b"WEBP", _webp),
     (lambda h: h[:1] == b"P" and h[1:2] in b"123456" and h[2:3].isspace(), _pnm),
     (
         lambda h: h[4:12] == b"jP  \r\n\x87\n" or h[:4] == b"\xff\x4f\xff\x51",
-        _named("JPEG 2000"),
+        _jp2,
     ),
     (lambda h: h[:6] in (b"GIF87a", b"GIF89a"), _named("GIF")),
     (lambda h: h[:4] == b"8BPS", _named("Photoshop")),

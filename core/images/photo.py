@@ -8,7 +8,7 @@ original: x right, y down, pixel centres at integers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -35,6 +35,8 @@ class Photo:
     window : (float, float, float)
         ``x0, y0, scale`` of `pixels` in the original:
         ``original_xy = (x0, y0) + (pixel_xy + 0.5) / scale - 0.5``.
+    note : str
+        What the reader should know about how it was read, in one sentence; or empty.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Photo:
     size: tuple[int, int]
     pixels: Picture
     window: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    note: str = ""
 
     def linear(self) -> Array32:
         """(h, w, 3) float32 linear intensity in [0, 1], the sRGB curve undone."""
@@ -84,7 +87,7 @@ def cut(
     corners = photo.to_window(np.reshape(np.asarray(box, float), (2, 2)))
     low = np.clip(np.floor(corners[0]), 0, (w - 1, h - 1)).astype(int)
     high = np.clip(np.ceil(corners[1]) + 1, low + 1, (w, h)).astype(int)
-    part = photo.pixels[low[1] : high[1], low[0] : high[0]]
+    part: np.ndarray = photo.pixels[low[1] : high[1], low[0] : high[0]]
     x0, y0, scale = photo.window
     origin = (x0 + low[0] / scale, y0 + low[1] / scale)
     # Not so small that a strip at the picture's edge vanishes.
@@ -99,6 +102,4 @@ def cut(
     else:
         factor = 1.0
         part = part.copy()
-    return Photo(
-        photo.name, photo.path, photo.size, part, (*origin, float(scale * factor))
-    )
+    return replace(photo, pixels=part, window=(*origin, float(scale * factor)))

@@ -11,19 +11,22 @@ from pathlib import Path
 
 import numpy as np
 
+from .._types import Picture8
 from ..errors import PhotoFailure
-from .decode import MAX_PIXELS, MIN_SIDE, decode, file_bytes, judge_header
-from .header import read_header
+from .codecs import MissingPackage, decode_optional
+from .convert import to_srgb
+from .decode import LIMITS, MIN_SIDE, Limits, damaged, decode, file_bytes, judge_header
+from .embedded import embedded_profile
+from .header import OPTIONAL, ImageHeader, read_header
+from .icc import ProfileError
 from .photo import Photo
 from .png import plain_png
 
-# Above this many pixels the picture is decoded at half, a quarter or an eighth
-# of its size: a face that fills a sixth of 16 megapixels still has 650 pixels.
-FULL_SIZE_PIXELS = 16_000_000
-
 
 def read_photo(
-    source: str | os.PathLike | np.ndarray, name: str | None = None
+    source: str | os.PathLike | np.ndarray,
+    name: str | None = None,
+    limits: Limits = LIMITS,
 ) -> Photo | PhotoFailure:
     """One picture, turned upright by its EXIF tag, as three RGB channels.
 
@@ -37,6 +40,7 @@ def read_photo(
         An array is RGB, sRGB-encoded: uint8, uint16, or floats in [0, 1].
     name : str, optional
         The name in reports; by default the file's own.
+    limits : Limits, optional
 
     Returns
     -------
@@ -44,49 +48,72 @@ def read_photo(
         A failure has the code ``"unreadable"`` or ``"too_large"``.
     """
     if isinstance(source, np.ndarray):
-        return _from_array(source, name or "picture")
+        return _from_array(source, name or "picture", limits)
     path = Path(source)
     name = name or path.name
-    data = file_bytes(path, name)
+    data = file_bytes(path, name, limits)
     if isinstance(data, PhotoFailure):
         return data
     header = read_header(data)
-    failure = judge_header(header, name)
+    failure = judge_header(header, name, limits)
     if failure is not None:
         return failure
     assert header is not None
-    reduction = 1
-    while reduction < 8 and header.pixels / reduction**2 > FULL_SIZE_PIXELS:
-        reduction *= 2
-    whole = plain_png(data) if header.format == "PNG" else data
-    pixels = None if whole is None else decode(whole, reduction)
-    if pixels is None:
+    reduction = limits.reduction(header.pixels)
+    try:
+        pixels = _pixels(data, header.format, reduction)
+    except MissingPackage:
         return PhotoFailure(
             name,
             "unreadable",
-            f"{name} is damaged or cut short; copy or export it again.",
+            f"{name} is a picture of the format {header.format}, which needs optional "
+            "packages; run `pip install 'bsface[heic]'`, or export it as JPEG or PNG.",
         )
+    if pixels is None:
+        return damaged(name)
     if pixels.dtype not in (np.uint8, np.uint16):
         return PhotoFailure(
             name,
             "unreadable",
             f"{name} stores {pixels.dtype} samples; save it with 8 or 16 bits.",
         )
-    width, height = header.width, header.height
-    # Decoding turned the picture as EXIF says; the header speaks of the unturned.
-    h, w = pixels.shape[:2]
-    if (w, h) != _reduced(width, height, reduction) and (h, w) == _reduced(
-        width, height, reduction
-    ):
-        width, height = height, width
-    return Photo(name, path, (width, height), pixels, (0.0, 0.0, 1.0 / reduction))
+    note = ""
+    try:
+        profile = embedded_profile(data, header.format)
+    except ProfileError as error:
+        note = f"read as sRGB: {error}"
+    else:
+        pixels = pixels if profile is None else to_srgb(pixels, profile)
+    size = _original_size(header, pixels.shape, reduction)
+    return Photo(name, path, size, pixels, (0.0, 0.0, 1.0 / reduction), note)
+
+
+def _pixels(data: Picture8, kind: str, reduction: int) -> np.ndarray | None:
+    if kind in OPTIONAL:
+        return decode_optional(data, kind, reduction)
+    whole = plain_png(data) if kind == "PNG" else data
+    return None if whole is None else decode(whole, reduction)
+
+
+def _original_size(
+    header: ImageHeader, shape: tuple[int, ...], reduction: int
+) -> tuple[int, int]:
+    """Width and height of the turned original; the header's are of the unturned.
+
+    A HEIF picture may also be cut by its own box, of which the header says nothing.
+    """
+    shown = (shape[1], shape[0])
+    for size in ((header.width, header.height), (header.height, header.width)):
+        if shown == _reduced(*size, reduction):
+            return size
+    return shown[0] * reduction, shown[1] * reduction
 
 
 def _reduced(width: int, height: int, reduction: int) -> tuple[int, int]:
     return -(-width // reduction), -(-height // reduction)
 
 
-def _from_array(array: np.ndarray, name: str) -> Photo | PhotoFailure:
+def _from_array(array: np.ndarray, name: str, limits: Limits) -> Photo | PhotoFailure:
     def bad(what: str) -> PhotoFailure:
         return PhotoFailure(
             name,
@@ -101,12 +128,12 @@ def _from_array(array: np.ndarray, name: str) -> Photo | PhotoFailure:
         return bad(f"has the shape {array.shape}")
     if min(array.shape[:2]) < MIN_SIDE:
         return bad(f"has only {array.shape[1]} x {array.shape[0]} pixels")
-    if array.shape[0] * array.shape[1] > MAX_PIXELS:
+    if array.shape[0] * array.shape[1] > limits.pixels:
         return PhotoFailure(
             name,
             "too_large",
             f"{name} has {array.shape[1]} x {array.shape[0]} pixels, more than "
-            f"{MAX_PIXELS // 10**6} megapixels; make it smaller.",
+            f"{limits.pixels // 10**6} megapixels; make it smaller.",
         )
     if np.issubdtype(array.dtype, np.floating):
         if not np.isfinite(array).all():

@@ -76,8 +76,8 @@ def find_models(folder: str | os.PathLike | None = None) -> ModelFiles:
     raise ReconstructionError(
         "The face detector's model files are in none of these folders: "
         + ", ".join(str(place) for place in folders)
-        + "; fetch them by `python3 dev.py setup`, or lay landmark files "
-        "beside the photos and switch the detector off."
+        + "; fetch them by `bsface models fetch` (the extension's zip brings them), or "
+        "lay landmark files beside the photos and switch the detector off."
     )
 
 
@@ -146,5 +146,5 @@ def why_not_loaded(path: Path, error: Exception, version: str) -> str:
 def _damaged(path: Path) -> str:
     return (
         f"{path} is damaged or is not the expected model file; remove it and fetch it "
-        "again by `python3 dev.py setup`."
+        "again by `bsface models fetch` (the extension's zip brings it)."
     )

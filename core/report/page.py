@@ -103,7 +103,7 @@ def page(
     Parameters
     ----------
     facts : mapping
-        See ``report.report_facts``.
+        See `facts.result_facts`.
     pictures : mapping of (h, w, 3) uint8 arrays
     drawn : mapping of SVG texts
     photos : mapping of photo name to JPEG bytes
@@ -149,8 +149,9 @@ def _head(facts: Mapping[str, Any]) -> str:
         (f"{m} × {n}", "control points"),
         (f"{facts['settings'].get('eye_distance_mm', 0):g} mm", "between the eyes"),
     ]
-    if facts["reprojection_pct"] is not None:
-        boxes.append((f"{facts['reprojection_pct']:.1f} %", "landmark error, median"))
+    error = facts["residuals"]["reprojection_pct"]
+    if error is not None:
+        boxes.append((f"{error:.1f} %", "landmark error, median"))
     if "confidence_mm" in facts:
         deviation = facts["confidence_mm"]["median"]
         boxes.append((f"± {deviation:.2f} mm", "median deviation"))
@@ -278,12 +279,12 @@ def _photo(entry: Mapping[str, Any], jpeg: bytes | None) -> str:
         else f'<div class="none">{escape(word)}</div>'
     )
     lines = []
-    if used and np.isfinite(entry["yaw"]):
+    if used and entry["yaw"] is not None:
         lines.append(
             f"yaw {entry['yaw']:.0f}°, pitch {entry['pitch']:.0f}°, "
             f"roll {entry['roll']:.0f}°"
         )
-        if np.isfinite(entry["reprojection_pct"]):
+        if entry["reprojection_pct"] is not None:
             lines.append(f"landmark error {entry['reprojection_pct']:.1f} %")
     if entry["reason"]:
         lines.append(str(entry["reason"]))

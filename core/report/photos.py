@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from ..drawing.pictures import encode_jpeg
+from ..result import Reconstruction
+from ..surface.template import Template
 
 Picture = npt.NDArray[np.uint8]
 
@@ -29,7 +30,7 @@ _LINES_OF_68 = (
 )
 
 
-def thumbnail(reconstruction: Any, index: int, side: int = SIDE) -> Picture:
+def thumbnail(reconstruction: Reconstruction, index: int, side: int = SIDE) -> Picture:
     """A used photo with detected (green) and reprojected (magenta) landmarks.
 
     Parameters
@@ -74,7 +75,7 @@ def thumbnail(reconstruction: Any, index: int, side: int = SIDE) -> Picture:
     return picture
 
 
-def _chosen(template: Any, scheme: str) -> npt.NDArray[np.int64] | None:
+def _chosen(template: Template, scheme: str) -> npt.NDArray[np.int64] | None:
     """Positions of the 68 iBUG points within a scheme's points, or None."""
     wanted = template.schemes.get("68")
     if wanted is None:
@@ -92,7 +93,9 @@ def _polylines(picture: Picture, points: npt.NDArray, colour: Sequence[int]) -> 
         cv2.polylines(picture, [at], False, colour, 1, cv2.LINE_AA, shift=4)
 
 
-def _line(picture: Picture, a: npt.NDArray, b: npt.NDArray, colour: Any) -> None:
+def _line(
+    picture: Picture, a: npt.NDArray, b: npt.NDArray, colour: Sequence[int]
+) -> None:
     first, second = (tuple(int(round(c * 16)) for c in p) for p in (a, b))
     cv2.line(picture, first, second, colour, 1, cv2.LINE_AA, shift=4)
 
@@ -103,7 +106,7 @@ def _dots(picture: Picture, points: npt.NDArray, colour: Sequence[int]) -> None:
         cv2.circle(picture, (x, y), radius, colour, -1, cv2.LINE_AA, shift=4)
 
 
-def thumbnails(reconstruction: Any) -> dict[str, bytes]:
+def thumbnails(reconstruction: Reconstruction) -> dict[str, bytes]:
     """JPEG bytes of all used photos by name."""
     return {
         photo.name: encode_jpeg(thumbnail(reconstruction, index), 82)
@@ -112,7 +115,7 @@ def thumbnails(reconstruction: Any) -> dict[str, bytes]:
 
 
 def contact_sheet(
-    reconstruction: Any, columns: int, width: int, background: int = 255
+    reconstruction: Reconstruction, columns: int, width: int, background: int = 255
 ) -> Picture:
     """All used photos in rows of equal squares."""
     cell = width // columns

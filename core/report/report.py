@@ -7,11 +7,9 @@ anywhere: pictures and plots are inside the file.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -24,14 +22,18 @@ from ..files import write_bytes, write_text
 from ..images.colour import to_picture
 from ..json_text import to_json
 from ..progress import CheckCancelled, never_cancelled
-from ..result import PhotoReport, Reconstruction
+from ..result import Reconstruction
+from ..surface.bspline import BSplineSurface
+from ..surface.template import Template
 from ..texture.bake import Texture, bake_texture
 from ..threads import one_blas_thread
-from ..versions import VERSION, library_versions
+from .facts import folder_name, result_facts
 from .page import page
 from .photos import thumbnails
 from .sheet import summary_sheet
 
+#: Endings of what is written beside the page.
+COMPANIONS = (".json", ".png")
 #: Texels a side of the texture that is made for the page.
 TEXTURE_SIZE = 512
 
@@ -45,7 +47,7 @@ def write_report(
     texture: Texture | None = None,
     textured: bool = True,
     timings: bool = True,
-    companions: bool = True,
+    companions: Sequence[str] = COMPANIONS,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Write the page of a reconstruction.
@@ -53,7 +55,7 @@ def write_report(
     Parameters
     ----------
     path : path-like
-        The ``.html`` file; ``.json`` and ``.png`` of the same name are written beside.
+        The ``.html`` file; its companions have the same name.
     reconstruction : Reconstruction
     title : str, optional
         By default the name of the photos' folder, or of the file.
@@ -63,8 +65,9 @@ def write_report(
         False: no texture, which saves some seconds.
     timings : bool
         Leave out what differs between two equal runs when False.
-    companions : bool
-        Also write the JSON and the PNG.
+    companions : sequence of str
+        Endings of what is written beside the page: ``.json`` (`facts.result_facts`)
+        and ``.png`` (the page as one picture).
     progress : callable, optional
         Called with the fraction done.
 
@@ -78,19 +81,22 @@ def write_report(
     ReconstructionError
         When a file cannot be written.
     """
-    path = Path(path)
+    path = report_files(path)[0]
     tell = progress or (lambda fraction: None)
-    if not path.suffix:
-        path = path.with_suffix(".html")
     if texture is None and textured and reconstruction.photos:
         texture = bake_texture(reconstruction, TEXTURE_SIZE, lambda x: tell(0.5 * x))
-    title = title or _title(reconstruction, path)
-    facts = report_facts(reconstruction, title, timings)
+    facts = result_facts(
+        reconstruction,
+        title=title or folder_name(reconstruction) or path.stem,
+        files=[file.name for file in report_files(path, companions)],
+        timings=timings,
+    )
     tell(0.5)
     pictures = report_pictures(reconstruction, texture, partial(tell, 0.5))
     tell(0.8)
-    if companions:
+    if ".json" in companions:
         write_text(path.with_suffix(".json"), to_json(facts, indent=1) + "\n")
+    if ".png" in companions:
         sheet = summary_sheet(reconstruction, facts, pictures)
         tell(0.85)
         write_bytes(path.with_suffix(".png"), encode_png(sheet))
@@ -103,46 +109,14 @@ def write_report(
     return written
 
 
-def report_facts(
-    reconstruction: Reconstruction, title: str = "face", timings: bool = True
-) -> dict[str, Any]:
-    """Everything of the page that is not a picture, as plain values."""
-    reports = [_entry(report) for report in reconstruction.reports]
-    used = [entry for entry in reports if entry["status"] == "used"]
-    pushed = [e["reprojection_pct"] for e in used]
-    facts: dict[str, Any] = {
-        "title": title,
-        "program": "bsface",
-        "versions": versions(),
-        "photos": {"all": len(reports), "used": len(used)},
-        "control_points": list(reconstruction.surface.shape),
-        "reprojection_pct": _median(pushed),
-        "settings": reconstruction.settings.to_dict(),
-        "report": reports,
-        "warnings": list(reconstruction.warnings),
-        "history": [step._asdict() for step in reconstruction.history],
-    }
-    if reconstruction.cameras:
-        facts["cameras"] = [
-            {"photo": photo.name, **asdict(camera)}
-            for photo, camera in zip(
-                reconstruction.photos, reconstruction.cameras, strict=True
-            )
-        ]
-    photometric = reconstruction.photometric
-    if photometric is not None and photometric.singular_values is not None:
-        values = np.asarray(photometric.singular_values, float)
-        facts["singular_values"] = values
-        energy = np.cumsum(values**2) / max(float((values**2).sum()), 1e-30)
-        facts["rank_4_share"] = float(energy[min(3, len(energy) - 1)])
-    if reconstruction.deviation is not None:
-        facts["confidence_mm"] = {
-            "median": float(np.median(reconstruction.deviation)),
-            "worst": float(np.max(reconstruction.deviation)),
-        }
-    if timings and reconstruction.seconds:
-        facts["seconds"] = dict(reconstruction.seconds)
-    return facts
+def report_files(
+    path: str | os.PathLike, companions: Sequence[str] = COMPANIONS
+) -> tuple[Path, ...]:
+    """The files that `write_report` writes for a page, the page first."""
+    path = Path(path)
+    if not path.suffix:
+        path = path.with_suffix(".html")
+    return (path, *(path.with_suffix(ending) for ending in companions))
 
 
 def report_pictures(
@@ -191,14 +165,15 @@ def report_pictures(
 
 def report_plots(reconstruction: Reconstruction) -> dict[str, str]:
     """SVG plots by name."""
-    used = [_entry(r) for r in reconstruction.reports]
-    used = [e for e in used if e["status"] == "used" and np.isfinite(e["yaw"])]
+    used = [
+        r for r in reconstruction.reports if r.status == "used" and np.isfinite(r.yaw)
+    ]
     drawn = {}
     if used:
         drawn["pose"] = plots.pose_plot(
-            np.array([e["yaw"] for e in used]),
-            np.array([e["pitch"] for e in used]),
-            [e["name"] for e in used],
+            np.array([r.yaw for r in used]),
+            np.array([r.pitch for r in used]),
+            [r.name for r in used],
         )
     photometric = reconstruction.photometric
     if photometric is not None and np.size(photometric.lights):
@@ -212,29 +187,6 @@ def report_plots(reconstruction: Reconstruction) -> dict[str, str]:
         if plots.stage_residuals(history, stage):
             drawn[f"convergence_{stage}"] = plots.convergence_plot(history, stage)
     return drawn
-
-
-def versions() -> dict[str, str]:
-    """Versions that a rerun needs."""
-    return {"bsface": VERSION, **library_versions()}
-
-
-def _title(reconstruction: Reconstruction, path: Path) -> str:
-    for photo in reconstruction.photos:
-        if getattr(photo, "path", None) is not None:
-            folder = Path(photo.path).parent.name
-            if folder:
-                return folder.replace("_", " ")
-    return path.stem
-
-
-def _entry(report: PhotoReport) -> dict[str, Any]:
-    return asdict(report)
-
-
-def _median(values: list[float]) -> float | None:
-    finite = [v for v in values if v is not None and np.isfinite(v)]
-    return float(np.median(finite)) if finite else None
 
 
 def _square(picture: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:
@@ -253,8 +205,8 @@ def _map_picture(values: npt.NDArray, name: str) -> npt.NDArray[np.uint8]:
 
 
 def _on_face(
-    surface: Any,
-    template: Any,
+    surface: BSplineSurface,
+    template: Template,
     check_cancelled: CheckCancelled,
     values: npt.NDArray,
     low: float,

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..result import Reconstruction
 from .photos import contact_sheet
 
 Picture = npt.NDArray[np.uint8]
@@ -19,13 +20,15 @@ _MARGIN = 30
 
 
 def summary_sheet(
-    reconstruction: Any, facts: Mapping[str, Any], pictures: Mapping[str, Picture]
+    reconstruction: Reconstruction,
+    facts: Mapping[str, Any],
+    pictures: Mapping[str, Picture],
 ) -> Picture:
     """Views, maps and all photos with their landmarks, (H, 1280, 3) uint8."""
     photos = facts["photos"]
     m, n = facts["control_points"]
     line = f"{photos['used']} of {photos['all']} photos used, {m} x {n} control points"
-    error = facts["reprojection_pct"]
+    error = facts["residuals"]["reprojection_pct"]
     if error is not None:
         line += f", landmark error {error:.1f} % of the eye distance"
     title = str(facts["title"]).encode("ascii", "replace").decode("ascii")

@@ -37,6 +37,7 @@ ROOMS = [
     "solve",
     "result",
     "finish",
+    "rig",
     "drawing",
     "texture",
     "compare",
@@ -134,7 +135,7 @@ def test_core_imports_without_blender_and_without_the_extras():
     program = """
 import importlib, pkgutil, sys
 blocked = {"bpy", "bmesh", "mathutils", "rhino3dm", "dask", "distributed",
-           "matplotlib", "PIL"}
+           "matplotlib", "PIL", "pi_heif"}
 class Blocker:
     def find_spec(self, name, path=None, target=None):
         if name.split(".")[0] in blocked:

@@ -6,6 +6,7 @@ from bsface.formats import obj, rhino, step
 from bsface.formats.exchange import exchange_surface, outline_curves
 from bsface.formats.iges import write_iges
 from bsface.formats.mesh import signed_distance
+from bsface.formats.options import Stamp
 from fake_face import ellipse_outline, face_surface
 from scipy.interpolate import BSpline
 
@@ -203,6 +204,15 @@ def test_equal_faces_give_equal_bytes(tmp_path, surface, outline, kind):
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_author_and_date_are_written_where_they_are_given(tmp_path, surface):
+    stamp = Stamp("J. O'Neill", "2026-11-22T10:30:00")
+    text = step.write_step(tmp_path / "a.step", surface, stamp=stamp).read_text()
+    assert "'2026-11-22T10:30:00',('J. O''Neill')" in text
+    lines = write_iges(tmp_path / "a.igs", surface, stamp=stamp).read_text()
+    text = "".join(x[:72].rstrip() for x in lines.splitlines() if x[72] == "G")
+    assert "15H20261122.103000" in text and "10HJ. O'Neill" in text
+
+
 def test_iges_lines_have_eighty_columns(tmp_path, surface, outline):
     path = write_iges(tmp_path / "face.igs", surface, outline)
     lines = path.read_text().splitlines()
@@ -226,6 +236,11 @@ def test_rhino3dm_reads_the_same_surface(tmp_path, surface, outline, trimmed):
     found = np.array([[p.X, p.Y, p.Z] for p in points])
     assert relative_error(found, surface.evaluate(u, v)) < 1e-9
     assert len(geometries) == 1 + trimmed
+    layers = [
+        model.Layers[model.Objects[i].Attributes.LayerIndex].Name
+        for i in range(len(model.Objects))
+    ]
+    assert layers == ["surface", "outline"][: 1 + trimmed]
     if trimmed:
         domain = geometries[1].Domain
         points = [geometries[1].PointAt(t) for t in np.linspace(domain.T0, domain.T1)]

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from bsface import formats
+from bsface.drawing.pictures import write_png
 from bsface.errors import ReconstructionError
-from bsface.formats import mesh
+from bsface.formats import ExportOptions, mesh
+from bsface.surface.template import load_template
 from fake_face import bare_reconstruction, ellipse_outline, face_surface
 
 
@@ -65,10 +67,12 @@ def test_unusable_tolerances_are_refused(surface):
 
 
 def test_obj_holds_the_mesh_with_texture_coordinates(tmp_path, surface):
+    picture = write_png(tmp_path / "skin.png", np.zeros((4, 4, 3), np.uint8))
+    out = tmp_path / "out"
     path = mesh.write_mesh_obj(
-        tmp_path / "face.obj", surface, ellipse_outline(), texture="skin.png"
+        out / "my face.obj", surface, ellipse_outline(), texture=picture
     )
-    expected = mesh.tessellate(surface, ellipse_outline(), 0.05)
+    expected = mesh.tessellate(surface, ellipse_outline(), 0.25)
     rows = [line.split() for line in path.read_text().splitlines()]
     points = np.array([r[1:] for r in rows if r[0] == "v"], float)
     texture = np.array([r[1:] for r in rows if r[0] == "vt"], float)
@@ -77,7 +81,17 @@ def test_obj_holds_the_mesh_with_texture_coordinates(tmp_path, surface):
     assert np.array_equal(points, expected.vertices)
     np.testing.assert_allclose(texture, expected.uv * (1, -1) + (0, 1), atol=1e-15)
     assert np.array_equal(index[:, :, 0] - 1, expected.triangles)
-    assert "map_Kd skin.png" in (tmp_path / "face.mtl").read_text()
+    assert ["mtllib", "my_face.mtl"] in rows and ["usemtl", "skin"] in rows
+    assert "map_Kd my_face.png\n" in (out / "my_face.mtl").read_text()
+    assert (out / "my_face.png").read_bytes() == picture.read_bytes()
+    with pytest.raises(ReconstructionError, match="no PNG or JPEG"):
+        mesh.write_mesh_obj(out / "x.obj", surface, texture=path)
+
+
+def test_default_mesh_of_a_face_is_light():
+    template = load_template()
+    made = mesh.tessellate(template.surface, template.outline_uv, 0.25)
+    assert ExportOptions().tolerance == 0.25 and len(made.triangles) < 20_000
 
 
 def test_ply_header_describes_its_bytes(tmp_path, surface):

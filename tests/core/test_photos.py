@@ -3,14 +3,14 @@
 import base64
 import os
 import struct
-import sys
 import zlib
 
 import cv2
 import numpy as np
 import pytest
-from bsface.errors import PhotoFailure, ReconstructionError
-from bsface.images.folder import list_photos, natural_key
+from bsface.errors import PhotoFailure
+from bsface.images.decode import LIMITS, Limits
+from bsface.images.folder import list_photos
 from bsface.images.header import read_header
 from bsface.images.photo import Photo, cut
 from bsface.images.read import read_photo
@@ -79,10 +79,10 @@ def png_header(width: int, height: int, bits: int = 8, kind: int = 2) -> bytes:
 
 @pytest.fixture
 def read(tmp_path):
-    def reader(data: bytes, name: str = "a.jpg"):
+    def reader(data: bytes, name: str = "a.jpg", limits: Limits = LIMITS):
         path = tmp_path / name
         path.write_bytes(data)
-        return read_photo(path)
+        return read_photo(path, limits=limits)
 
     return reader
 
@@ -158,19 +158,19 @@ def test_exif_orientation_is_applied(read, orientation):
     assert difference.max() < 12
 
 
-def test_large_photo_is_read_reduced_and_keeps_its_coordinates(read, monkeypatch):
-    monkeypatch.setattr("bsface.images.read.FULL_SIZE_PIXELS", 1000)
+def test_large_photo_is_read_reduced_and_keeps_its_coordinates(read):
+    limits = Limits(full_size_pixels=1000)
     image = np.zeros((161, 241, 3), np.uint8)
     image[96:112, 48:64] = 255  # centre (55.5, 103.5)
     data = with_exif_orientation(encoded(".jpg", image), 1)
-    photo = read(data)
+    photo = read(data, limits=limits)
     assert photo.size == (241, 161)
     assert photo.window == (0.0, 0.0, 1 / 8)
     weight = photo.pixels[..., 0].astype(float)
     y, x = np.mgrid[: weight.shape[0], : weight.shape[1]]
     centre = np.array([(x * weight).sum(), (y * weight).sum()]) / weight.sum()
     np.testing.assert_allclose(photo.to_original(centre), (55.5, 103.5), atol=0.5)
-    turned = read(with_exif_orientation(encoded(".jpg", image), 6))
+    turned = read(with_exif_orientation(encoded(".jpg", image), 6), limits=limits)
     assert turned.size == (161, 241)
 
 
@@ -206,7 +206,11 @@ def bad_files() -> dict[str, tuple[bytes, str, str]]:
         "16-bit bomb": (png_header(13000, 13000, 16, 6), "too_large", "13000"),
         "no width": (png_header(0, 100), "unreadable", "0 x 100"),
         "gif": (GIF, "unreadable", "GIF"),
-        "heic": (b"\0\0\0\x18ftypheic" + b"\0" * 50, "unreadable", "HEIC"),
+        "heic without content": (
+            b"\0\0\0\x18ftypheic" + b"\0" * 50,
+            "unreadable",
+            "damaged",
+        ),
         "float": (
             encoded(".tif", np.ones((40, 40, 3), np.float32)),
             "unreadable",
@@ -357,44 +361,6 @@ def test_cut_of_a_cut_is_the_cut():
     assert not np.shares_memory(once.pixels, image)
 
 
-# --- folders -----------------------------------------------------------------
-
-
-def test_listing(tmp_path):
-    names = ["10.jpg", "2.JPG", "b1.png", ".hidden.jpg", "notes.txt", "x.heic"]
-    for name in names:
-        (tmp_path / name).touch()
-    (tmp_path / "sub.jpg").mkdir()
-    (tmp_path / "loop.jpg").symlink_to(tmp_path / "loop.jpg")
-    found = [path.name for path in list_photos(tmp_path)]
-    assert found == ["2.JPG", "10.jpg", "b1.png", "loop.jpg", "x.heic"]
-
-
-@given(st.lists(st.text(max_size=8), max_size=8))
-@settings(deadline=None)
-def test_natural_order_is_an_order(names):
-    ordered = sorted(names, key=natural_key)
-    assert sorted(reversed(names), key=natural_key) == ordered
-
-
-@pytest.mark.parametrize("kind", ["none", "file", "empty", "loop", "nul"])
-def test_no_folder_of_photos(tmp_path, kind):
-    folder = tmp_path / "folder"
-    if kind == "file":
-        folder.write_text("x")
-    elif kind == "empty":
-        folder.mkdir()
-        (folder / "readme.txt").touch()
-    elif kind == "loop":
-        folder.symlink_to(folder)
-    elif kind == "nul":
-        folder = "a\0b"
-    with pytest.raises(ReconstructionError) as info:
-        list_photos(folder)
-    assert "\n" not in str(info.value)
-    assert str(info.value).endswith(".")
-
-
 # --- headers -----------------------------------------------------------------
 
 
@@ -446,12 +412,3 @@ def test_damaged_pictures_end_in_a_photo_or_a_sentence(tmp_path_factory, data):
         assert photo.pixels.shape[2] == 3
     else:
         assert photo.reason
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="POSIX names")
-def test_name_that_is_no_text(tmp_path):
-    path = os.fsencode(tmp_path) + b"/\xff\xfe.png"
-    with open(path, "wb") as file:
-        file.write(encoded(".png", corners_picture()))
-    (found,) = list_photos(tmp_path)
-    assert read_photo(found, "shown")

@@ -208,6 +208,8 @@ def test_places_that_no_photo_sees_are_filled_and_marked(painted):
             **painted.__dict__,
             "photos": painted.photos[:2],
             "cameras": painted.cameras[:2],
+            "expressions": painted.expressions[:2],
+            "landmarks": painted.landmarks[:2],
         }
     )
     found = texture.bake_texture(frontal, 128)

@@ -198,7 +198,7 @@ def test_intensities_correct_the_pose():
     face = painted_reconstruction(count=3, side=220)
     at = np.stack(np.meshgrid(*2 * [np.linspace(0.12, 0.88, 60)]), -1).reshape(-1, 2)
     index = np.arange(30)
-    uv = face.template.landmark_uv
+    uv = face.template.landmark_uv[:30]
     known = KnownFace(
         surface=face.surface,
         index=index,

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from unittest import mock
 
 import cv2
 import numpy as np
@@ -22,8 +21,10 @@ from bsface.cli import info
 from bsface.cli.arguments import parse_settings
 from bsface.errors import PhotoFailure, ReconstructionError
 from bsface.formats.face_file import face_bytes, load_face, npz_bytes
-from bsface.images import decode as image_file
+from bsface.images.convert import to_srgb
+from bsface.images.decode import Limits, judge_header
 from bsface.images.header import read_header
+from bsface.images.icc import ProfileError, read_profile
 from bsface.images.read import read_photo
 from bsface.json_text import to_json
 from bsface.landmarks.landmarks import (
@@ -40,10 +41,21 @@ from hypothesis import strategies as st
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from mutations import inside_zip, mutated  # noqa: E402
-from pictures_for_tests import animated, cmyk, palette  # noqa: E402
+from pictures_for_tests import (  # noqa: E402
+    SRGB_FORMULA,
+    animated,
+    by_pillow,
+    cmyk,
+    heic,
+    icc_profile,
+    jpeg_with_profile,
+    palette,
+    png_with_profile,
+    table_curve,
+)
 
 # Mutated headers claim pictures of any size; decoding large ones is only slow.
-MOST_PIXELS = 1_000_000
+LIMITS = Limits(pixels=1_000_000)
 
 
 @dataclass(frozen=True)
@@ -114,7 +126,39 @@ def _pictures() -> list[bytes]:
         (".pgm", rgb[..., 0]),
     ]
     coded = [cv2.imencode(ending, pixels)[1].tobytes() for ending, pixels in stored]
-    return [*coded, cmyk(rgb), palette(rgb), animated([rgb, rgb[::-1]])]
+    coded += [cmyk(rgb), palette(rgb), animated([rgb, rgb[::-1]])]
+    profile = icc_profile("Display P3", SRGB_FORMULA)
+    coded += [png_with_profile(coded[1], profile), jpeg_with_profile(coded[0], profile)]
+    return coded
+
+
+def _optional_pictures() -> list[bytes]:
+    """HEIC, AVIF and JPEG 2000."""
+    rng = np.random.default_rng(0)
+    rgb = np.repeat(np.repeat(rng.integers(0, 256, (4, 5, 3)), 16, 0), 16, 1)
+    rgb = rgb.astype(np.uint8)
+    ten = (rgb.astype(np.uint16) << 8) & 0xFFC0
+    profile = icc_profile("Display P3", SRGB_FORMULA)
+    return [
+        heic(rgb, quality=50, turn=6),
+        heic(ten, quality=50, profile=profile),
+        by_pillow("AVIF", rgb, icc_profile=profile),
+        by_pillow("JPEG2000", rgb),
+        by_pillow("JPEG2000", rgb[..., 0]),
+        by_pillow("JPEG2000", rgb, no_jp2=True, irreversible=True),
+    ]
+
+
+def _profile(data: bytes) -> bool:
+    """An ICC profile, and pixels in its colour space."""
+    try:
+        profile = read_profile(data)
+    except ProfileError as error:
+        sentence(f"read as sRGB: {error}.")
+        return False
+    pixels = np.arange(192, dtype=np.uint8).reshape(8, 8, 3)
+    assert to_srgb(pixels, profile).shape == (8, 8, 3)
+    return True
 
 
 def _header(data: bytes) -> bool:
@@ -122,7 +166,7 @@ def _header(data: bytes) -> bool:
     if header is None:
         return False
     assert header.bytes_per_pixel >= 0
-    failure = image_file.judge_header(header, "a.jpg")
+    failure = judge_header(header, "a.jpg")
     if failure is not None:
         sentence(failure.reason)
     return failure is None
@@ -130,8 +174,7 @@ def _header(data: bytes) -> bool:
 
 def _photo(data: bytes) -> bool:
     path = _file("photo.jpg", data)
-    with mock.patch.object(image_file, "MAX_PIXELS", MOST_PIXELS):
-        photo = read_photo(path)
+    photo = read_photo(path, limits=LIMITS)
     if isinstance(photo, PhotoFailure):
         sentence(photo.reason)
         return False
@@ -218,7 +261,8 @@ def _template(data: bytes) -> bool:
 
 def _faces() -> list[bytes]:
     whole = painted_reconstruction(count=2, side=48)
-    return [face_bytes(face, "2026") for face in (bare_reconstruction(), whole)]
+    faces = (bare_reconstruction(), whole)
+    return [face_bytes(face, "2026-01-01T00:00:00Z") for face in faces]
 
 
 def _face(data: bytes) -> bool:
@@ -229,7 +273,7 @@ def _face(data: bytes) -> bool:
     to_json(facts)
     "\n".join(info._lines(facts))
     assert len(found.cameras) == len(found.photos)
-    assert len(found.landmark_points) == len(found.landmark_schemes)
+    assert len(found.landmarks) in (0, len(found.photos))
     return True
 
 
@@ -262,9 +306,16 @@ def targets() -> list[Target]:
     pictures = _pictures()
     settings = [json.dumps(Settings().to_dict()).encode()]
     words = [b"method=motion\ncontrol_points=30,30\nlam=1e2\ndetector=false"]
+    optional = _optional_pictures()
+    profiles = [
+        icc_profile("Display P3", curve)
+        for curve in (SRGB_FORMULA, table_curve(np.linspace(0, 1, 9) ** 2))
+    ]
     return [
-        Target("image header", mutated(pictures), _header),
+        Target("image header", mutated([*pictures, *optional]), _header),
         Target("image file", mutated(pictures), _photo),
+        Target("HEIC, AVIF, JPEG 2000", mutated(optional), _photo),
+        Target("colour profile", mutated(profiles), _profile),
         Target("landmarks .pts", mutated(_landmark_files(".pts")), _landmarks(".pts")),
         Target(
             "landmarks .json", mutated(_landmark_files(".json")), _landmarks(".json")

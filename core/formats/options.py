@@ -1,0 +1,101 @@
+"""What a user may choose when a face is written, for all formats together."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from datetime import datetime
+
+from ..errors import ReconstructionError
+from .exchange import NamedCurves
+
+#: The date of files that name none, so that equal faces give equal bytes.
+FIXED_DATE = "1970-01-01T00:00:00"
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """Options of `export`; every format takes those that it knows.
+
+    Parameters
+    ----------
+    trimmed : bool
+        Trim to the face's outline where the format can.
+    tolerance : float
+        Largest distance between surface and triangles, mm: ``.obj``, ``.ply``,
+        ``.stl``, ``.3mf``.
+    name : str, optional
+        Name of the object in the file; by default the file's own.
+    texture : path, optional
+        A PNG or JPEG picture over (u, v), row 0 at v = 0: ``.obj``, ``.glb``.
+    density : str
+        "low", "medium" or "high", of the quads in ``.glb``.
+    keys : bool
+        The ARKit keys in ``.glb``.
+    openings : bool
+        Eyes and an open line between the lips in ``.glb``.
+    thickness : float
+        Of the closed solids ``.stl`` and ``.3mf``, inwards, mm.
+    author : str
+        In ``.step`` and ``.iges``.
+    date : str
+        ISO 8601, in ``.step`` and ``.iges``; fixed by default.
+    curves : tuple of (name, ExchangeCurve)
+        More curves in space, such as a seal: ``.step``, ``.iges``, ``.3dm``.
+    """
+
+    trimmed: bool = True
+    tolerance: float = 0.25
+    name: str | None = None
+    texture: str | os.PathLike | None = None
+    density: str = "medium"
+    keys: bool = True
+    openings: bool = True
+    thickness: float = 2.0
+    author: str = ""
+    date: str = FIXED_DATE
+    curves: NamedCurves = ()
+
+    def check(self, path: str | os.PathLike) -> None:
+        """Refuse values that no format can use.
+
+        Raises
+        ------
+        ReconstructionError
+            One sentence with the file, the value and the remedy.
+        """
+        for what, value in (
+            ("tolerance", self.tolerance),
+            ("thickness", self.thickness),
+        ):
+            if not 0 < value < float("inf"):
+                raise ReconstructionError(
+                    f"{path}: the {what} must be a positive length in millimetres, "
+                    f"not {value:g}."
+                )
+        try:
+            datetime.fromisoformat(self.date)
+        except ValueError:
+            raise ReconstructionError(
+                f"{path}: {self.date!r} is not a date; write it as "
+                "2026-11-22 or 2026-11-22T10:30:00."
+            ) from None
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """Who made a CAD file and when.
+
+    Attributes
+    ----------
+    author : str
+    date : str
+        ISO 8601.
+    """
+
+    author: str = ""
+    date: str = FIXED_DATE
+
+
+#: Equal faces give equal bytes.
+ANONYMOUS = Stamp()

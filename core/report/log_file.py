@@ -1,0 +1,74 @@
+"""A log of one run: versions, every step with its time, warnings, and what failed."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..errors import ReconstructionError
+from ..progress import Progress, Step
+from .facts import versions
+
+# The logger of the whole package, whatever its name (another one inside Blender).
+_PACKAGE = logging.getLogger(__name__.rsplit(".", 2)[0])
+_FORMAT = "%(asctime)s %(levelname)-7s %(message)s"
+
+
+@contextlib.contextmanager
+def log_file(path: Path | None, about: str) -> Iterator[logging.Logger]:
+    """Write what the package logs inside the block to a file.
+
+    Parameters
+    ----------
+    path : Path or None
+        The file, replaced if it is there; None writes nothing.
+    about : str
+        The first line: what is run.
+
+    Raises
+    ------
+    ReconstructionError
+        When the file cannot be written.
+    """
+    if path is None:
+        yield _PACKAGE
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handler = logging.FileHandler(path, "w", encoding="utf-8")
+    except OSError as error:
+        raise ReconstructionError(
+            f"{path}: the log cannot be written ({error.strerror}); choose another "
+            "file."
+        ) from None
+    handler.setFormatter(logging.Formatter(_FORMAT))
+    level = _PACKAGE.level
+    _PACKAGE.addHandler(handler)
+    _PACKAGE.setLevel(logging.INFO)
+    try:
+        _PACKAGE.info("%s", about)
+        _PACKAGE.info("%s", ", ".join(f"{k} {v}" for k, v in versions().items()))
+        yield _PACKAGE
+    except BaseException as error:
+        sentence = isinstance(error, ReconstructionError)
+        _PACKAGE.error(
+            "%s: %s", type(error).__name__, error, exc_info=None if sentence else error
+        )
+        raise
+    finally:
+        _PACKAGE.removeHandler(handler)
+        _PACKAGE.setLevel(level)
+        handler.close()
+
+
+def logged(progress: Progress | None) -> Progress:
+    """The same progress, each of its steps also in the log."""
+
+    def tell(step: Step) -> None:
+        _PACKAGE.info("%s %d/%d %s", step.stage, step.done, step.total, step.message)
+        if progress is not None:
+            progress(step)
+
+    return tell

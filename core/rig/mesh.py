@@ -1,0 +1,254 @@
+"""The face as a mesh of quads, with eyes and a mouth that open.
+
+The skin is a regular grid over (u, v), trimmed to the outline, with the lids and the
+line between the lips along fixed curves of (u, v): the same vertex is the same place of
+every face. Behind the openings stand eyeballs and a mouth bag. Every vertex of the skin
+lies on the surface; the surface itself stays one sheet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .._types import Array, Indices
+from ..surface.bspline import basis_matrix
+from .arkit import Face, FaceUnits, feature_sizes, key_factors, units_for
+from .eyes import EYE_DISTANCE_MM, Eyeball, fit_eyeball, sphere, turned
+from .grid import Slit, SlitGrid, slit_grid
+from .names import ARKIT_NAMES
+from .pockets import bag_movement, lid_rim, mouth_bag
+
+#: Name -> quads along u and v, quads along the edge of an eyeball's cube.
+DENSITIES = {"low": (48, 52, 4), "medium": (96, 104, 6), "high": (192, 208, 10)}
+#: Materials of the quads, by number.
+PARTS = ("skin", "eyes", "mouth")
+#: The subject's right first, as in `FaceUnits.lids_uv`.
+SIDES = ("Right", "Left")
+
+
+@dataclass(frozen=True)
+class QuadMesh:
+    """Quads.
+
+    Attributes
+    ----------
+    points : (p, 3) array
+        Millimetres.
+    quads : (q, 4) int array
+        Counter-clockwise seen from outside.
+    uv : (p, 2) array
+        Texture coordinates of each vertex, v downwards: of the skin the (u, v) of the
+        surface, of an eyeball those of `eyes.iris_picture`.
+    groups : dict of int arrays
+        Vertices of each region: "forehead", "brow_left", "lip_upper", "eyeball_left".
+    part : (q,) int array
+        Index into `PARTS` of each quad.
+    keys : dict of (p, 3) arrays
+        Displacements of the ARKit keys, mm; empty when not asked for.
+    """
+
+    points: Array
+    quads: Indices
+    uv: Array
+    groups: Mapping[str, Indices]
+    part: Indices
+    keys: Mapping[str, Array] = field(default_factory=dict)
+
+
+def quad_mesh(
+    face: Face,
+    density: str = "medium",
+    *,
+    eyes: bool = True,
+    mouth: bool = True,
+    keys: bool = True,
+) -> QuadMesh:
+    """Quads of a face.
+
+    Parameters
+    ----------
+    face : Reconstruction
+    density : "low", "medium" or "high"
+        About 2,500, 10,000 or 40,000 quads of skin.
+    eyes : bool
+        Lid openings with eyeballs.
+    mouth : bool
+        An open line between the lips with a bag behind it.
+    keys : bool
+        Also the ARKit keys.
+
+    Raises
+    ------
+    ReconstructionError
+        When the face was made with a template whose (u, v) is not the bundled one's.
+    ValueError
+        When the density is unknown.
+    """
+    if density not in DENSITIES:
+        raise ValueError(
+            f"density must be one of {', '.join(DENSITIES)}, not {density!r}"
+        )
+    units = units_for(face)
+    nu, nv, ball_cells = DENSITIES[density]
+    slits = [_lid_slit(loop) for loop in units.lids_uv] if eyes else []
+    if mouth:
+        slits.append(Slit(units.lips_uv, units.lips_uv))
+    grid = slit_grid(face.template.outline_uv, tuple(slits), (nu, nv))
+    builder = _Builder(face, units, grid, mouth)
+    if eyes:
+        for k in range(2):
+            builder.add_eye(k, ball_cells)
+    if mouth:
+        builder.add_mouth()
+    return builder.mesh(keys)
+
+
+def _lid_slit(loop: Array) -> Slit:
+    """Upper and lower lid with u rising, of a loop from the inner corner."""
+    outer = int(np.abs(loop[:, 0] - loop[0, 0]).argmax())
+    upper, lower = loop[: outer + 1], np.vstack([loop[outer:], loop[:1]])[::-1]
+    if upper[0, 0] > upper[-1, 0]:
+        upper, lower = upper[::-1], lower[::-1]
+    return Slit(upper, lower)
+
+
+class _Builder:
+    """Skin first, then what stands behind it; movements in the same order."""
+
+    def __init__(self, face: Face, units: FaceUnits, grid: SlitGrid, mouth: bool):
+        self.surface, self.units, self.grid = face.surface, units, grid
+        self.eye_distance = feature_sizes(face.surface, units)["eyes"]
+        self.factors = dict(
+            zip(ARKIT_NAMES, key_factors(face, units).tolist(), strict=True)
+        )
+        # The lips part; without a mouth the sheet's own keys are right.
+        self.lip_side = grid.side[-1] if mouth else np.zeros(len(grid.uv))
+        self.skin = face.surface.evaluate(*grid.uv.T)
+        shape = (units.keys.shape[1], units.keys.shape[2])
+        self.basis = basis_matrix(shape, *grid.uv.T)
+        self.points, self.uv = [self.skin], [grid.uv]
+        self.quads, self.part = [grid.quads], [np.zeros(len(grid.quads), np.int64)]
+        self.groups = regions(grid.uv, units)
+        if mouth:
+            lip = np.concatenate([self.groups["lip_upper"], self.groups["lip_lower"]])
+            upper = self.lip_side[lip] >= 0
+            self.groups["lip_upper"] = np.sort(lip[upper])
+            self.groups["lip_lower"] = np.sort(lip[~upper])
+        self.count = len(grid.uv)
+        self.eyes: list[tuple[int, Eyeball, Indices, Array, Array]] = []
+        self.bag: tuple[Indices, Indices] | None = None
+
+    def skin_movement(self, name: str) -> Array:
+        """Displacement of the skin at full strength of a key, (p, 3)."""
+        k = ARKIT_NAMES.index(name)
+        key, jump = self.units.keys[k], self.units.jumps[k]
+        apart = np.zeros_like(key)
+        i, j = self.units.jump_first
+        apart[i : i + jump.shape[0], j : j + jump.shape[1]] = jump / 2
+        moved = self.basis @ key.reshape(-1, 3)
+        if apart.any():
+            moved = moved + self.lip_side[:, None] * (self.basis @ apart.reshape(-1, 3))
+        return self.factors[name] * moved
+
+    def _add(self, points: Array, quads: Indices, uv: Array, part: str) -> Indices:
+        """Append a piece; returns the numbers of its vertices."""
+        numbers = self.count + np.arange(len(points))
+        self.points.append(points)
+        self.uv.append(uv)
+        self.quads.append(quads)
+        self.part.append(np.full(len(quads), PARTS.index(part)))
+        self.count += len(points)
+        return numbers
+
+    def add_eye(self, k: int, cells: int) -> None:
+        upper, lower = self.grid.banks[k]
+        loop = np.concatenate([upper, lower[-2:0:-1]])
+        blink = self.skin_movement(f"eyeBlink{SIDES[k]}")
+        ball = fit_eyeball(self.skin[loop], blink[loop], self.eye_distance)
+        pocket = lid_rim(self.skin[loop], ball)
+        table = np.concatenate([loop, self.count + np.arange(len(pocket.points))])
+        uv = np.tile(self.grid.uv[loop], (len(pocket.points) // len(loop), 1))
+        numbers = self._add(pocket.points, table[pocket.quads], uv, "skin")
+        side = SIDES[k].lower()
+        self.groups[f"lid_rim_{side}"] = numbers
+        points, quads, uv = sphere(ball, cells)
+        numbers = self._add(points, self.count + quads, uv, "eyes")
+        self.groups[f"eyeball_{side}"] = numbers
+        self.eyes.append((k, ball, loop, pocket.points, points))
+
+    def add_mouth(self) -> None:
+        upper, lower = self.grid.banks[-1]
+        unit = self.eye_distance / EYE_DISTANCE_MM
+        pocket = mouth_bag(self.skin[upper], self.skin[lower], unit)
+        loop = np.concatenate([upper, lower[-2:0:-1]])
+        table = np.concatenate([loop, self.count + np.arange(len(pocket.points))])
+        uv = np.broadcast_to(self.grid.uv[upper].mean(axis=0), (len(pocket.points), 2))
+        numbers = self._add(pocket.points, table[pocket.quads], uv, "mouth")
+        self.groups["mouth_bag"] = numbers
+        self.bag = (upper, lower)
+
+    def movement(self, name: str) -> Array:
+        """Displacement of every vertex at full strength of a key."""
+        skin = self.skin_movement(name)
+        moved = [skin]
+        for k, ball, loop, rim, points in self.eyes:
+            rings = len(rim) // len(loop)
+            gone = np.tile(skin[loop], (rings, 1))
+            radius = np.linalg.norm(rim - ball.centre, axis=1, keepdims=True)
+            moved.append(ball.onto(rim + gone) * 1.0)
+            share = radius / ball.radius
+            moved[-1] = ball.centre + share * (moved[-1] - ball.centre) - rim
+            moved[-1][~gone.any(axis=1)] = 0.0
+            moved.append(self._eye_turn(name, k, ball, points))
+        if self.bag is not None:
+            upper, lower = self.bag
+            moved.append(bag_movement(skin[upper], skin[lower]))
+        return np.concatenate(moved)
+
+    def _eye_turn(self, name: str, k: int, ball: Eyeball, points: Array) -> Array:
+        for way, degrees in zip(
+            ("Up", "Down", "In", "Out"), self.units.eye_turn_degrees, strict=True
+        ):
+            if name == f"eyeLook{way}{SIDES[k]}":
+                inwards = 1.0 if SIDES[k] == "Right" else -1.0
+                across = {"In": inwards, "Out": -inwards}.get(way, 0.0)
+                up = {"Up": 1.0, "Down": -1.0}.get(way, 0.0)
+                return turned(ball, points, (across * degrees, up * degrees))
+        return np.zeros_like(points)
+
+    def mesh(self, keys: bool) -> QuadMesh:
+        return QuadMesh(
+            points=np.concatenate(self.points),
+            quads=np.concatenate(self.quads),
+            uv=np.concatenate(self.uv),
+            groups=self.groups,
+            part=np.concatenate(self.part),
+            keys={n: self.movement(n) for n in ARKIT_NAMES} if keys else {},
+        )
+
+
+def regions(uv: Array, units: FaceUnits) -> dict[str, Indices]:
+    """Vertices of the regions of a face, by the class of the nearest landmark.
+
+    Every vertex is in one region. "left" is the subject's.
+    """
+    known = np.flatnonzero(units.landmark_class != "outline")
+    nearest = known[cKDTree(units.landmark_uv[known]).query(uv)[1]]
+    place = units.landmark_class[nearest]
+    left = uv[:, 0] > 0.5
+    above = uv[:, 1] < np.interp(uv[:, 0], *units.lips_uv.T)
+    halves = {"brow": left, "eye": left, "cheek": left, "lip": above}
+    groups = {}
+    for name in ("forehead", "brow", "eye", "nose", "cheek", "lip", "jaw"):
+        here = place == name
+        if name in halves:
+            one, other = ("upper", "lower") if name == "lip" else ("left", "right")
+            groups[f"{name}_{one}"] = np.flatnonzero(here & halves[name])
+            groups[f"{name}_{other}"] = np.flatnonzero(here & ~halves[name])
+        else:
+            groups[name] = np.flatnonzero(here)
+    return groups
