@@ -65,9 +65,9 @@ def from_local(obj: bpy.types.Object, xyz: Array) -> Array:
     return np.stack([xyz[..., 0], xyz[..., 2], -xyz[..., 1]], -1) / unit
 
 
-def direction_to_local(obj: bpy.types.Object, xyz: Array) -> Array:
-    """Directions of the core, (..., 3), in the object's own axes."""
-    return xyz if obj.get(UNIT_KEY) is None else _upright(xyz)
+def movement_to_local(obj: bpy.types.Object, xyz: Array) -> Array:
+    """Movements of the core, (..., 3) mm, in the object's own coordinates."""
+    return to_local(obj, xyz)
 
 
 def is_surface(obj: bpy.types.Object | None) -> bool:

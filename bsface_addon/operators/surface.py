@@ -11,7 +11,6 @@ from .. import (
     face_file,
     maps,
     material,
-    mesh_copy,
     messages,
     photo_expression,
     removal,
@@ -165,41 +164,6 @@ class BSFACE_OT_surface_symmetrise(ChangingOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class BSFACE_OT_surface_to_mesh(FaceOperator, bpy.types.Operator):
-    """Make a mesh with UVs and the same material; the surface stays"""
-
-    bl_idname = "bsface.surface_to_mesh"
-    bl_label = "Convert to Mesh"
-    bl_options = {"REGISTER", "UNDO"}
-
-    tolerance: FloatProperty(
-        name="Tolerance",
-        description="Largest distance from the surface in millimetres of the face",
-        default=0.1,
-        min=0.005,
-        max=10.0,
-    )
-    trim: BoolProperty(
-        name="Trim to the Face",
-        description="Leave out the rim of the patch that lies outside the face",
-        default=True,
-    )
-
-    def execute(self, context):
-        face = scene.active_face(context)
-        outline = face_file.outline(face) if self.trim else None
-        surface = face_file.surface(face)
-        try:
-            with scene.all_or_nothing(context):
-                scene.leave_edit_mode(context)
-                made = mesh_copy.add(context, face, surface, outline, self.tolerance)
-        except ValueError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, messages.MESH.format(count=len(made.data.polygons)))
-        return {"FINISHED"}
-
-
 class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
     """Choose what is painted on the surface"""
 
@@ -226,9 +190,11 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
     def execute(self, context):
         face = scene.active_face(context)
         if self.kind == "NORMALS":
-            # Of the surface as it is now, edits included.
-            made = maps.normals(face_file.surface(face), face_file.outline(face))
-            material.store_map(face, "NORMALS", made)
+            # Of the surface as it is now; those of the run are there already.
+            known = material.stored_map(face, "NORMALS") is not None
+            if face_file.moved(face).any() or not known:
+                made = maps.normals(face_file.surface(face), face_file.outline(face))
+                material.store_map(face, "NORMALS", made)
         try:
             material.show(face, self.kind)
         except KeyError:
@@ -317,7 +283,6 @@ CLASSES = (
     BSFACE_OT_surface_refit,
     BSFACE_OT_surface_resample,
     BSFACE_OT_surface_symmetrise,
-    BSFACE_OT_surface_to_mesh,
     BSFACE_OT_surface_map,
     BSFACE_OT_surface_trim,
     BSFACE_OT_surface_net,
