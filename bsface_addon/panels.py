@@ -9,6 +9,7 @@ import bpy
 
 from . import (
     cameras,
+    coarse_editor,
     lights,
     material,
     messages,
@@ -127,6 +128,14 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
             icon="EDITMODE_HLT",
             depress=editing,
         )
+        if coarse_editor.editor() is None:
+            layout.operator("bsface.coarse_edit", icon="MESH_GRID")
+        else:
+            row = layout.row(align=True)
+            row.operator("bsface.coarse_done", icon="CHECKMARK").keep = True
+            stop = row.operator("bsface.coarse_done", text="Cancel", icon="X")
+            stop.keep = False
+            layout.prop(context.scene.bsface, "mirror")
         column = layout.column(align=True)
         soft = context.scene.bsface.softness
         refit = column.operator("bsface.surface_refit", icon="FILE_REFRESH")

@@ -37,6 +37,8 @@ REPORT = "bsface_report"
 PHOTOS = "bsface_photos"
 WARNINGS = "bsface_warnings"
 QUALITY = "bsface_quality"
+# On a coarse net that is edited: its face.
+COARSE_OF = "bsface_coarse_of"
 _KINDS = (
     "objects",
     "curves",
@@ -144,7 +146,9 @@ def active_face(context):
     active = context.view_layer.objects.active
     if is_face(active):
         return active
-    home = None if active is None else rig.face_of(active)
+    home = None
+    if active is not None:
+        home = active.get(COARSE_OF) or rig.face_of(active)
     if is_face(home):
         return home
     chosen = getattr(context.scene, "bsface", None)

@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 from ...core.errors import ReconstructionError
 from ...core.problem import Constraint
 from .. import (
+    coarse_editor,
     face_file,
     maps,
     material,
@@ -237,6 +238,53 @@ class BSFACE_OT_surface_net(FaceOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class BSFACE_OT_coarse_edit(ChangingOperator, bpy.types.Operator):
+    """Edit the face by a net of few points; detail stays, and goes along"""
+
+    bl_idname = "bsface.coarse_edit"
+    bl_label = "Edit a Coarse Net"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if coarse_editor.editor() is not None:
+            cls.poll_message_set(messages.COARSE_OPEN)
+            return False
+        return super().poll(context)
+
+    def execute(self, context):
+        face = scene.active_face(context)
+        photo_expression.hide(face)
+        try:
+            coarse_editor.open_editor(context, face)
+        except ValueError as error:
+            self.report({"ERROR"}, messages.TOO_FEW_POINTS.format(why=error))
+            return {"CANCELLED"}
+        _fit_proportional_size(context, face)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_coarse_done(bpy.types.Operator):
+    """Leave the coarse net"""
+
+    bl_idname = "bsface.coarse_done"
+    bl_label = "Done"
+    bl_options = {"REGISTER", "UNDO"}
+
+    keep: BoolProperty(name="Keep", description="Off: forget the edit", default=True)
+
+    @classmethod
+    def poll(cls, context):
+        if coarse_editor.editor() is None:
+            cls.poll_message_set(messages.NO_COARSE)
+            return False
+        return True
+
+    def execute(self, context):
+        coarse_editor.close_editor(context, self.keep)
+        return {"FINISHED"}
+
+
 def _fit_proportional_size(context: bpy.types.Context, face: bpy.types.Object) -> None:
     """Proportional editing reaches a feature of the face where it reached all of it."""
     unit = surface_object.world_frame(face).to_scale().x
@@ -286,6 +334,8 @@ CLASSES = (
     BSFACE_OT_surface_map,
     BSFACE_OT_surface_trim,
     BSFACE_OT_surface_net,
+    BSFACE_OT_coarse_edit,
+    BSFACE_OT_coarse_done,
     BSFACE_OT_face_remove,
     BSFACE_OT_leftovers_remove,
 )

@@ -328,3 +328,52 @@ def test_formats_without_their_package_are_not_offered():
     assert (".step", "STEP") in export.available()
     kinds = {kind for kind, _ in export.available({".3dm": "no_such_package"})}
     assert kinds == {kind for kind, _, _ in export.FORMATS} - {".3dm"}
+
+
+@pytest.mark.parametrize("keep", [True, False])
+@pytest.mark.parametrize("version", ["0.1", "now"])
+def test_the_face_follows_its_coarse_net(face, keep, version):
+    coarse_editor = load("bsface_addon.coarse_editor")
+    if version == "0.1":
+        b = points(face)
+        del face[surface_object.UNIT_KEY]
+        surface_object.write(bpy.context, face, b)
+        face.matrix_world = surface_object.UPRIGHT * 0.001
+    face.location.x = 0.3
+    before = points(face)
+    bpy.ops.bsface.coarse_edit()
+    net = coarse_editor.editor()
+    assert net.mode == "EDIT" and scene.active_face(bpy.context) == face
+    assert net.matrix_world == face.matrix_world
+    assert not bpy.ops.bsface.coarse_edit.poll()
+    coarse_editor.follow(bpy.context)
+    np.testing.assert_array_equal(points(face), before)
+    bpy.ops.curve.select_all(action="SELECT")
+    bpy.ops.transform.translate(value=(0, 0, 0.004))
+    coarse_editor.follow(bpy.context)
+    # A coarse net moved as a whole moves the whole face.
+    np.testing.assert_allclose(points(face), before + (0, 4, 0), atol=2e-3)
+    bpy.ops.bsface.coarse_done(keep=keep)
+    moved = (0, 4, 0) if keep else (0, 0, 0)
+    np.testing.assert_allclose(points(face), before + moved, atol=2e-3)
+    assert coarse_editor.editor() is None and len(bpy.data.curves) == 1
+    assert bpy.context.view_layer.objects.active == face
+
+
+def test_a_coarse_edit_is_mirrored_on_request(face):
+    coarse_editor = load("bsface_addon.coarse_editor")
+    before = points(face)
+    bpy.ops.bsface.coarse_edit()
+    net = coarse_editor.editor()
+    for mirror in (True, False):
+        bpy.context.scene.bsface.mirror = mirror
+        bpy.ops.object.mode_set(mode="OBJECT")
+        if mirror:
+            net.data.splines[0].points[6 * 12 + 2].co[1] -= 0.005
+        bpy.ops.object.mode_set(mode="EDIT")
+        coarse_editor.follow(bpy.context)
+        moved = np.linalg.norm(points(face) - before, axis=2)
+        left, right = moved[:8].max(), moved[8:].max()
+        assert left > 1
+        assert (right > 0.9 * left) == mirror
+    bpy.ops.bsface.coarse_done()
