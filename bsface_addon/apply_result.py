@@ -43,13 +43,7 @@ def apply_result(
     """
     result = outcome.result
     face = scene.place(
-        context,
-        result,
-        request.name,
-        face=face,
-        scale=scale,
-        maps=outcome.maps,
-        select=select,
+        context, outcome, request.name, face=face, scale=scale, select=select
     )
     state = context.scene.bsface
     state.face = face

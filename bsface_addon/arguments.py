@@ -57,7 +57,7 @@ def verbs():
         "--untrimmed", action="store_true", help="the whole patch, not only the face"
     )
     send.add_argument(
-        "--tolerance", type=float, default=0.05, help="of meshes, in mm (0.05)"
+        "--tolerance", type=float, default=0.25, help="of meshes, in mm (0.25)"
     )
     send.set_defaults(verb="export")
     show = argparse.ArgumentParser(description="what a .blend or .npz holds")

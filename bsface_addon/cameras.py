@@ -17,6 +17,7 @@ import bpy
 import numpy as np
 
 from . import rig, surface_object
+from .orientation import orientation
 from .rig import PHOTO_KEY
 
 # An orthographic camera has no place along its axis; it must stand before the face.
@@ -84,7 +85,7 @@ def set_lens(data, camera, size, unit):
     data.passepartout_alpha = 0.5
 
 
-def add(face, name, camera, photo, collection):
+def add(face, name, camera, photo, turn, collection):
     """Add the camera of one photo.
 
     It moves together with the face, but keeps scale 1.
@@ -93,6 +94,8 @@ def add(face, name, camera, photo, collection):
     ----------
     face : bpy.types.Object
     camera, photo : core Camera and Photo
+    turn : orientation.Turn or None
+        None to look at the photo's file.
     collection : bpy.types.Collection
 
     Returns
@@ -109,11 +112,11 @@ def add(face, name, camera, photo, collection):
     rig.attach(obj, face, camera_to_head(camera, photo.size))
     obj[PHOTO_KEY] = photo.name
     obj[SIZE_KEY] = [int(photo.size[0]), int(photo.size[1])]
-    background(data, photo)
+    background(data, photo, turn)
     return obj
 
 
-def background(data, photo):
+def background(data, photo, turn=None):
     """Show the photo behind the camera, turned as the core has turned it."""
     image = photo_image(photo)
     if image is None:
@@ -124,7 +127,7 @@ def background(data, photo):
     slot.alpha = 1.0
     slot.display_depth = "BACK"
     slot.frame_method = "FIT"
-    angle, flip = orientation(photo.path)
+    angle, flip = turn or orientation(photo.path)
     # Blender turns the background clockwise.
     slot.rotation, slot.use_flip_x = (2 * math.pi - angle) % (2 * math.pi), flip
     if round(math.degrees(angle)) % 180:
@@ -146,32 +149,6 @@ def photo_image(photo):
         return None
     image.name = photo.name
     return image
-
-
-def orientation(path):
-    """How the core turned the picture (EXIF), which Blender does not do.
-
-    Returns
-    -------
-    angle : float
-        Counter-clockwise turn in radians, a multiple of a quarter turn.
-    flip : bool
-        Whether left and right are exchanged before the turn.
-    """
-    import cv2
-
-    small = cv2.IMREAD_REDUCED_COLOR_8
-    data = np.fromfile(path, np.uint8)
-    stored = cv2.imdecode(data, small | cv2.IMREAD_IGNORE_ORIENTATION)
-    shown = cv2.imdecode(data, small)
-    if stored is None or shown is None:
-        return 0.0, False
-    for flip in (False, True):
-        start = stored[:, ::-1] if flip else stored
-        for quarter in range(4):
-            if np.array_equal(np.rot90(start, quarter), shown):
-                return quarter * math.pi / 2, flip
-    return 0.0, False
 
 
 def of_face(face):

@@ -1,7 +1,9 @@
-"""Files of a face object, through the core's writers."""
+"""Files of a face, through the core's writers."""
 
 from __future__ import annotations
 
+import tempfile
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -9,24 +11,48 @@ import numpy as np
 
 from ..core.drawing.pictures import encode_png
 from ..core.files import write_bytes
-from . import face_file
+from ..core.formats import ending, export
+from ..core.formats.options import ExportOptions
+from .face_file import StoredFace
 
 
-def with_ending(path, kind):
+@dataclass(frozen=True)
+class FileToWrite:
+    """A file, and what is written into it.
+
+    Attributes
+    ----------
+    path : Path
+    face : StoredFace or None
+        None for the picture alone.
+    options : ExportOptions
+    picture : bytes
+        Packed file of the map on the surface; empty for none.
+    """
+
+    path: Path
+    face: StoredFace | None
+    options: ExportOptions
+    picture: bytes = b""
+
+
+def with_ending(path: str, kind: str) -> str:
     """The path with the ending of a format in place of another format's."""
-    from ..core.formats import ending
-
     found = ending(path)
     stem = path[: -len(found)] if found else path
     return f"{stem}{kind}"
 
 
-def write(path, face, trimmed=True, tolerance=0.05):
-    """Write a face in the format of the path's ending; see core ``export``."""
-    from ..core.formats import export
-
-    saved = face_file.saved(face)
-    return export(path, saved, trimmed=trimmed, tolerance=tolerance, name=face.name)
+def write(wanted: FileToWrite) -> Path:
+    """Write the file."""
+    if wanted.face is None:
+        return write_map(wanted.path, wanted.picture)
+    with tempfile.TemporaryDirectory() as folder:
+        options = wanted.options
+        if wanted.picture:
+            texture = write_map(Path(folder) / "texture.png", wanted.picture)
+            options = replace(options, texture=texture)
+        return export(wanted.path, wanted.face.read(), options=options)
 
 
 def write_map(path: Path, png: bytes) -> Path:

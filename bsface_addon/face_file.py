@@ -8,12 +8,13 @@ those in the file, because the artist may have moved them.
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ..core._types import Array, Mask
-from ..core.formats.face_file import face_bytes, read_face
+from ..core.formats.face_file import read_face
 from ..core.result import Reconstruction
 from ..core.surface.bspline import BSplineSurface
 from . import surface_object
@@ -23,18 +24,36 @@ KEY = "bsface_file"
 MOVED_MM = 1e-3
 
 
-def keep(face: bpy.types.Object, result: Reconstruction) -> None:
-    """Store what the core's file of a reconstruction would hold."""
+def keep(face: bpy.types.Object, file: bytes) -> None:
+    """Store the core's file of a reconstruction."""
     if KEY in face:
         # Blender cuts bytes at the first zero when they replace others.
         del face[KEY]
-    face[KEY] = face_bytes(result)
+    face[KEY] = file
+
+
+@dataclass(frozen=True)
+class StoredFace:
+    """A face object as plain data, which any thread may read."""
+
+    name: str
+    file: bytes
+    surface: BSplineSurface
+
+    def read(self) -> Reconstruction:
+        """What is known of the run, with the control points of the object."""
+        stored = read_face(io.BytesIO(self.file), self.name)
+        return stored.with_surface(self.surface)
+
+
+def stored(face: bpy.types.Object) -> StoredFace:
+    """The face as it is now."""
+    return StoredFace(face.name, face[KEY], surface(face))
 
 
 def saved(face: bpy.types.Object) -> Reconstruction:
     """What is known of the run, with the control points of the object as they are."""
-    stored = read_face(io.BytesIO(face[KEY]), face.name)
-    return stored.with_surface(surface(face))
+    return stored(face).read()
 
 
 def surface(face: bpy.types.Object, key: str | None = None) -> BSplineSurface:

@@ -154,7 +154,8 @@ def export(options):
 
     from ..core.errors import ReconstructionError
     from ..core.formats import export as write
-    from . import export_face, scene
+    from ..core.formats.options import ExportOptions
+    from . import export_face, face_file, scene
 
     path, target = _existing(options.file), Path(options.out)
     trimmed = not options.untrimmed
@@ -173,8 +174,12 @@ def export(options):
         raise ReconstructionError(
             f"{path.name} holds no face {name!r}; it holds {', '.join(found)}."
         )
-    written = export_face.write(target, found[name], trimmed, options.tolerance)
-    return _wrote(written)
+    wanted = export_face.FileToWrite(
+        target,
+        face_file.stored(found[name]),
+        ExportOptions(trimmed=trimmed, tolerance=options.tolerance, name=name),
+    )
+    return _wrote(export_face.write(wanted))
 
 
 def _wrote(path):

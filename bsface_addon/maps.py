@@ -111,7 +111,7 @@ def _deviation(deviation: Array, outline_uv: Array) -> Map:
     """Colours from the least to the largest deviation inside the outline."""
     values = confidence_map(deviation, RESOLUTION)
     seen = values[inside(outline_uv, RESOLUTION, RESOLUTION) > 127]
-    low, top = (float(x) for x in np.percentile(seen, (1, 99)))
+    low, top = (float(x) for x in np.percentile(seen, (2, 95)))
     return painted(
         colour_map(values, low, top),
         outline_uv,

@@ -1,57 +1,95 @@
-"""A mesh of the face: the core's triangles, trimmed to the face, with its UVs."""
+"""A mesh of the face: the core's quads with eyes, mouth and keys, as an object."""
 
 from __future__ import annotations
 
 import bpy
 import numpy as np
 
+from ..core.drawing.pictures import encode_png
+from ..core.rig.eyes import iris_picture
+from ..core.rig.mesh import PARTS, QuadMesh
 from . import surface_object
 
+# Inside of the mouth, linear.
+MOUTH = (0.12, 0.02, 0.02, 1.0)
 
-def add(context, face, surface, outline_uv, tolerance):
-    """Make a mesh object beside the face.
+
+def add(face: bpy.types.Object, made: QuadMesh) -> bpy.types.Object:
+    """Make a mesh object at the face's place, with its material.
 
     Parameters
     ----------
     face : bpy.types.Object
-        Gives name, place and materials.
-    surface : core BSplineSurface
-    outline_uv : (k, 2) array or None
-        Where to trim; None for the whole patch.
-    tolerance : float
-        Largest distance from the surface, mm.
+    made : QuadMesh
 
     Returns
     -------
     bpy.types.Object
+        With vertex groups of the regions, and the keys as shape keys.
     """
-    from ..core.formats.mesh import tessellate
-
-    made = tessellate(surface, outline_uv, tolerance)
     mesh = bpy.data.meshes.new(f"{face.name} mesh")
-    _fill(mesh, surface_object.to_local(face, made.vertices), made.triangles)
-    mesh.polygons.foreach_set("use_smooth", np.ones(len(made.triangles), bool))
+    local = surface_object.to_local(face, made.points)
+    _fill(mesh, local, made.quads)
     layer = mesh.uv_layers.new(name="UVMap")
     # As on the surface itself: v of the picture runs down from its bottom row.
-    layer.data.foreach_set("uv", made.uv[made.triangles.ravel()].ravel())
-    normals = surface_object.direction_to_local(face, made.normals)
-    mesh.normals_split_custom_set_from_vertices(normals)
-    for material in face.data.materials:
-        mesh.materials.append(material)
+    layer.data.foreach_set("uv", made.uv[made.quads.ravel()].ravel())
+    used = sorted(set(made.part.tolist()))
+    for part in used:
+        mesh.materials.append(_material(face, PARTS[part]))
+    slot = np.searchsorted(used, made.part).astype(np.int32)
+    mesh.polygons.foreach_set("material_index", slot)
     obj = bpy.data.objects.new(mesh.name, mesh)
     for collection in face.users_collection:
         collection.objects.link(obj)
     obj.matrix_world = face.matrix_world
+    for name, vertices in made.groups.items():
+        obj.vertex_groups.new(name=name).add(vertices.tolist(), 1.0, "REPLACE")
+    if made.keys:
+        obj.shape_key_add(name="Neutral", from_mix=False)
+    for name, moved in made.keys.items():
+        block = obj.shape_key_add(name=name, from_mix=False)
+        block.value = 0.0  # since Blender 5 a new key is on
+        there = local + surface_object.movement_to_local(face, moved)
+        block.data.foreach_set("co", there.astype(np.float32).ravel())
     return obj
 
 
-def _fill(mesh, vertices, triangles):
-    count = len(triangles)
-    mesh.vertices.add(len(vertices))
-    mesh.vertices.foreach_set("co", vertices.astype(np.float32).ravel())
-    mesh.loops.add(3 * count)
-    mesh.loops.foreach_set("vertex_index", triangles.astype(np.int32).ravel())
+def _fill(mesh: bpy.types.Mesh, points: np.ndarray, quads: np.ndarray) -> None:
+    count = len(quads)
+    mesh.vertices.add(len(points))
+    mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
+    mesh.loops.add(4 * count)
+    mesh.loops.foreach_set("vertex_index", quads.astype(np.int32).ravel())
     mesh.polygons.add(count)
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
+    mesh.polygons.foreach_set("use_smooth", np.ones(count, bool))
     mesh.update(calc_edges=True)
     mesh.validate()
+
+
+def _material(face: bpy.types.Object, part: str) -> bpy.types.Material | None:
+    """The face's own material for the skin; one each for eyes and mouths."""
+    if part == "skin":
+        return next(iter(face.data.materials), None)
+    name = f"BSface {part}"
+    found = bpy.data.materials.get(name)
+    if found is not None:
+        return found
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:
+        material.use_nodes = True  # before Blender 5.0; deprecated since
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    shader = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+    if part == "mouth":
+        material.diffuse_color = shader.inputs["Base Color"].default_value = MOUTH
+        return material
+    shader.inputs["Roughness"].default_value = 0.1
+    data = encode_png(iris_picture())
+    image = bpy.data.images.new(name, 1, 1)
+    image.pack(data=data, data_len=len(data))
+    image.source = "FILE"
+    picture = nodes.new("ShaderNodeTexImage")
+    picture.image = image
+    links.new(picture.outputs["Color"], shader.inputs["Base Color"])
+    nodes.active = picture
+    return material

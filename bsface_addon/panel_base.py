@@ -38,7 +38,7 @@ def paragraph(
     context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon="NONE"
 ) -> None:
     """Text wrapped to the sidebar's width."""
-    room = _width(context) - MARGIN
+    room = _width(context) - MARGIN - (0 if icon == "NONE" else 35)
     lines, line = [], ""
     for word in text.split():
         longer = f"{line} {word}".lstrip()

@@ -9,6 +9,7 @@ import bpy
 
 from . import (
     cameras,
+    coarse_editor,
     lights,
     material,
     messages,
@@ -127,6 +128,14 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
             icon="EDITMODE_HLT",
             depress=editing,
         )
+        if coarse_editor.editor() is None:
+            layout.operator("bsface.coarse_edit", icon="MESH_GRID")
+        else:
+            row = layout.row(align=True)
+            row.operator("bsface.coarse_done", icon="CHECKMARK").keep = True
+            stop = row.operator("bsface.coarse_done", text="Cancel", icon="X")
+            stop.keep = False
+            layout.prop(context.scene.bsface, "mirror")
         column = layout.column(align=True)
         soft = context.scene.bsface.softness
         refit = column.operator("bsface.surface_refit", icon="FILE_REFRESH")
@@ -194,7 +203,7 @@ class BSFACE_PT_views(FacePanel, bpy.types.Panel):
         name = now[cameras.PHOTO_KEY] if through else messages.NO_PHOTO_VIEW
         # Always a row, so that the buttons below stay where they are.
         layout.label(
-            text=shortened(context, name, 60), icon="CAMERA_DATA", translate=False
+            text=shortened(context, name, 100), icon="CAMERA_DATA", translate=False
         )
         layout.operator("bsface.view_leave", icon="VIEW3D")
         in_front = cameras.in_front(face)
@@ -243,8 +252,18 @@ class BSFACE_PT_expressions(FacePanel, bpy.types.Panel):
             ).expression = word
         keys = scene.active_face(context).data.shape_keys
         if keys is not None:
-            for block in keys.key_blocks[1:]:
-                layout.prop(block, "value", text=block.name, slider=True)
+            face = scene.active_face(context)
+            # Blender's own list, with its search.
+            layout.template_list(
+                "MESH_UL_shape_keys",
+                "bsface",
+                keys,
+                "key_blocks",
+                face,
+                "active_shape_key_index",
+                rows=5,
+            )
+        layout.operator("bsface.arkit_keys", icon="SHAPEKEY_DATA")
 
 
 class BSFACE_PT_export(FacePanel, bpy.types.Panel):

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ..core.errors import ReconstructionError
 from . import messages
 
 if TYPE_CHECKING:
-    from .properties import BSFACE_PG_scene
+    from .properties import BSFACE_PG_photo, BSFACE_PG_scene
 
 
 def add(state, paths):
@@ -28,6 +29,20 @@ def add(state, paths):
         row.path = str(path)
     rename(state)
     return len(state.photos) - before
+
+
+def find(state: BSFACE_PG_scene, name: str) -> BSFACE_PG_photo:
+    """The row of a photo.
+
+    Raises
+    ------
+    ReconstructionError
+        There is none.
+    """
+    for row in state.photos:
+        if row.name == name:
+            return row
+    raise ReconstructionError(messages.NO_SUCH_PHOTO.format(name=name))
 
 
 def activate(state: BSFACE_PG_scene, name: str) -> None:

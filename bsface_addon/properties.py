@@ -77,6 +77,11 @@ class BSFACE_PG_scene(bpy.types.PropertyGroup):
         default=True,
         options={"SKIP_SAVE", "HIDDEN"},
     )
+    mirror: BoolProperty(
+        name="Mirror",
+        description="What moves on one half of the coarse net moves on the other too",
+        default=True,
+    )
     photo_opacity: FloatProperty(
         name="Opacity",
         description="Of the photo in front of the surface",

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ..core.errors import ReconstructionError
+from ..core.formats.face_file import face_bytes
 from ..core.json_text import to_json
 from ..core.result import Reconstruction
 from . import (
@@ -27,7 +27,7 @@ from . import (
     rig,
     surface_object,
 )
-from .maps import Map
+from .solving import Outcome
 
 # Custom properties of the face object; JSON texts, so that they read the same in
 # every version and outside Blender.
@@ -37,6 +37,8 @@ REPORT = "bsface_report"
 PHOTOS = "bsface_photos"
 WARNINGS = "bsface_warnings"
 QUALITY = "bsface_quality"
+# On a coarse net that is edited: its face.
+COARSE_OF = "bsface_coarse_of"
 _KINDS = (
     "objects",
     "curves",
@@ -53,19 +55,18 @@ _KINDS = (
 
 def place(
     context: bpy.types.Context,
-    result: Reconstruction,
+    outcome: Outcome,
     name: str,
     *,
     face: bpy.types.Object | None = None,
     scale: float = 1.0,
-    maps: Mapping[str, Map] | None = None,
     select: bool = True,
 ) -> bpy.types.Object:
     """Put a reconstruction into the scene.
 
     Parameters
     ----------
-    result : Reconstruction
+    outcome : Outcome
     name : str
         Name of a new face; its collection is called ``BSface <name>``.
     face : bpy.types.Object, optional
@@ -73,8 +74,6 @@ def place(
         materials stay) and its cameras and lights are replaced.
     scale : float
         Size of a new face; 1 is life size.
-    maps : mapping of Map, optional
-        Pictures for the surface by kind.
     select : bool
         Make the face active and the only selected object, in object mode; otherwise
         mode, selection and active object stay as they are.
@@ -84,7 +83,7 @@ def place(
     bpy.types.Object
         The face. A new one stands beside those that are there.
     """
-    maps = maps or {}
+    result, maps = outcome.result, outcome.maps
     with all_or_nothing(context), surface_object.object_mode(context):
         points = result.surface.control_points
         old = [] if face is None else [*cameras.of_face(face), *lights.of_face(face)]
@@ -99,14 +98,14 @@ def place(
             own = _home(context, face)
         context.view_layer.update()
         rig.ensure(face, own)
-        _add_cameras(face, result, own)
+        _add_cameras(face, outcome, own)
         _add_lights(face, result, own)
         for kind, found in maps.items():
             material.store_map(face, kind, found)
         material.drop_others(face, maps)
         if fresh or material.shown(face) == "PLAIN":
             material.show(face, "SKIN" if "SKIN" in maps else "PLAIN")
-        _write_facts(face, result)
+        _write_facts(face, outcome)
         if not fresh:
             surface_object.write(context, face, points)
             _replace(context, face, old)
@@ -147,7 +146,9 @@ def active_face(context):
     active = context.view_layer.objects.active
     if is_face(active):
         return active
-    home = None if active is None else rig.face_of(active)
+    home = None
+    if active is not None:
+        home = active.get(COARSE_OF) or rig.face_of(active)
     if is_face(home):
         return home
     chosen = getattr(context.scene, "bsface", None)
@@ -247,12 +248,14 @@ def _extent(face: bpy.types.Object) -> tuple[float, float]:
     return float(x.min()), float(x.max())
 
 
-def _add_cameras(face, result, own):
+def _add_cameras(face, outcome, own):
+    result = outcome.result
     if not result.cameras:
         return
     group = _child_collection(own, "cameras")
     for camera, photo in zip(result.cameras, result.photos, strict=True):
-        cameras.add(face, f"{face.name} {photo.name}", camera, photo, group)
+        turn = outcome.turns.get(photo.name)
+        cameras.add(face, f"{face.name} {photo.name}", camera, photo, turn, group)
 
 
 def _add_lights(face, result, own):
@@ -265,7 +268,8 @@ def _add_lights(face, result, own):
         lights.add(face, name, coefficients, photo.name, group)
 
 
-def _write_facts(face, result):
+def _write_facts(face, outcome):
+    result = outcome.result
     face[SETTINGS] = to_json(result.settings.to_dict())
     face[REPORT] = to_json(list(result.reports))
     face[QUALITY] = to_json(quality_facts(result))
@@ -273,7 +277,7 @@ def _write_facts(face, result):
     face[PHOTOS] = to_json(
         [{"name": p.name, "path": p.path, "size": p.size} for p in result.photos]
     )
-    face_file.keep(face, result)
+    face_file.keep(face, outcome.file or face_bytes(result))
     photo_expression.keep(face, result)
 
 

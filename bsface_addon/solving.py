@@ -14,6 +14,7 @@ import numpy as np
 from ..core.camera.coverage import shortcomings
 from ..core.camera.linear_pose import linear_pose
 from ..core.errors import ReconstructionError, memory_reported
+from ..core.formats.face_file import face_bytes
 from ..core.landmarks.all_faces import faces_in
 from ..core.landmarks.landmarks import Landmarks, landmark_file_beside
 from ..core.prepare import Inputs, as_template, collect_photos, make_problem
@@ -26,6 +27,7 @@ from ..core.surface.template import Template, load_template
 from ..core.texture.bake import Texture, bake_texture
 from ..core.threads import one_blas_thread
 from .maps import Map, all_maps
+from .orientation import Turn, orientation
 
 if TYPE_CHECKING:
     from .request import Request
@@ -44,11 +46,28 @@ class Outcome:
     maps : dict of Map
         Pictures for the surface by kind.
     texture : Texture or None
+    file : bytes
+        The face file of the result.
+    turns : dict of str to (float, bool)
+        How each photo's picture is turned, see `orientation`.
     """
 
     result: Reconstruction
     maps: dict[str, Map] = field(default_factory=dict)
     texture: Texture | None = None
+    file: bytes = b""
+    turns: dict[str, Turn] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        result: Reconstruction,
+        maps: dict[str, Map] | None = None,
+        texture: Texture | None = None,
+    ) -> Outcome:
+        """With all that takes too long for Blender's main thread."""
+        turns = {p.name: orientation(p.path) for p in result.photos if p.path}
+        return cls(result, maps or {}, texture, face_bytes(result), turns)
 
 
 @dataclass(frozen=True)
@@ -98,7 +117,7 @@ class Solver:
             problem = make_problem(photos, template, settings, constraint, start)
             result = solve(problem, clock)
             texture = _texture(result, progress, request.texture_size)
-            return Outcome(result, all_maps(result, texture), texture)
+            return Outcome.of(result, all_maps(result, texture), texture)
 
     def detect(self, request: Request, progress: Progress | None = None) -> Detection:
         """Find faces and landmarks only."""

@@ -26,6 +26,8 @@ from ..core._types import Array, Mask
 ORDER = 4
 RESOLUTION = 4
 METRES_PER_MM = 0.001
+#: Two coordinates that differ by less are equal but for float32, mm.
+ROUNDING_MM = 1e-4
 #: On the object: its units per millimetre of the face.
 UNIT_KEY = "bsface_units_per_mm"
 # A quarter turn about x, exactly.
@@ -65,9 +67,9 @@ def from_local(obj: bpy.types.Object, xyz: Array) -> Array:
     return np.stack([xyz[..., 0], xyz[..., 2], -xyz[..., 1]], -1) / unit
 
 
-def direction_to_local(obj: bpy.types.Object, xyz: Array) -> Array:
-    """Directions of the core, (..., 3), in the object's own axes."""
-    return xyz if obj.get(UNIT_KEY) is None else _upright(xyz)
+def movement_to_local(obj: bpy.types.Object, xyz: Array) -> Array:
+    """Movements of the core, (..., 3) mm, in the object's own coordinates."""
+    return to_local(obj, xyz)
 
 
 def is_surface(obj: bpy.types.Object | None) -> bool:
@@ -107,6 +109,23 @@ def create(
     obj[UNIT_KEY] = units_per_mm(context, scale)
     context.scene.collection.objects.link(obj)
     _store(obj, points)
+    return obj
+
+
+def create_like(
+    context: bpy.types.Context,
+    other: bpy.types.Object,
+    name: str,
+    control_points: Array,
+) -> bpy.types.Object:
+    """As `create`, with place and size of another surface."""
+    obj = create(context, name, control_points)
+    if UNIT_KEY in other:
+        obj[UNIT_KEY] = other[UNIT_KEY]
+    else:
+        del obj[UNIT_KEY]
+    _store(obj, _checked(control_points))
+    obj.matrix_world = other.matrix_world
     return obj
 
 

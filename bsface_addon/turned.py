@@ -7,51 +7,54 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from .. import __package__ as base_package
+from ..core.drawing.pictures import encode_png
 from ..core.errors import ReconstructionError
-from . import photo_list
+from ..core.files import write_bytes
+from ..core.images.read import read_photo
 
 
-def turn(row, quarters):
-    """Make the turned copy of a row's photo.
+@dataclass(frozen=True)
+class PhotoToTurn:
+    """A photo and how it shall stand.
 
-    Parameters
+    Attributes
     ----------
+    name : str
+    original : Path
     quarters : int
-        Quarter turns clockwise, added to those that the row has.
-
-    Returns
-    -------
-    path : pathlib.Path
-        The copy, or the original where it stands upright again.
-    quarters : int
-        0 to 3, all turns of the original together.
+        Quarter turns of the original clockwise, 0 to 3.
+    folder : Path
+        Where the copy goes.
     """
-    import numpy as np
 
-    from ..core.drawing.pictures import encode_png
-    from ..core.files import write_bytes
-    from ..core.images.read import read_photo
+    name: str
+    original: Path
+    quarters: int
+    folder: Path
 
-    original = Path(bpy.path.abspath(row.original)) if row.original else None
-    original = original or photo_list.absolute(row)
-    total = (row.quarters + quarters) % 4
-    if total == 0:
-        return original, 0
+
+def turn(wanted: PhotoToTurn) -> Path:
+    """Make the turned copy; the original itself where it stands upright again."""
+    original, quarters = wanted.original, wanted.quarters
+    if quarters == 0:
+        return original
     photo = read_photo(original)
     if not photo:
         raise ReconstructionError(photo.reason)
-    pixels = np.ascontiguousarray(np.rot90(photo.bytes8(), -total))
+    pixels = np.ascontiguousarray(np.rot90(photo.bytes8(), -quarters))
     key = hashlib.sha1(str(original).encode()).hexdigest()[:8]
-    target = folder() / f"{original.stem}-{key}-{90 * total}.png"
-    return write_bytes(target, encode_png(pixels)), total
+    name = f"{original.stem}-{key}-{90 * quarters}.png"
+    return write_bytes(wanted.folder / name, encode_png(pixels))
 
 
-def folder():
+def folder() -> Path:
     """Where the copies go; a temporary folder when not run as an extension."""
     try:
         return Path(

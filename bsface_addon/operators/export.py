@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -11,9 +10,10 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...core.errors import ReconstructionError
-from ...core.formats import export
-from ...core.result import Reconstruction
+from ...core.formats.options import ExportOptions
 from .. import export_face, face_file, material, messages, scene
+from ..export_face import FileToWrite
+from .mesh import DENSITY, KEYS, OPENINGS
 from .running import LongOperator
 from .surface import ChangingOperator
 
@@ -22,8 +22,11 @@ FORMATS = (
     (".igs", "IGES", "Trimmed B-spline surface for older CAD programs"),
     (".3dm", "Rhino", "B-spline surface and outline curve"),
     (".nurbs.obj", "OBJ, Free-Form", "B-spline surface for Maya and others"),
-    (".obj", "OBJ, Mesh", "Triangles with UVs"),
+    (".glb", "glTF", "Quads with eyes, mouth, texture and the ARKit keys"),
+    (".obj", "OBJ, Mesh", "Triangles with UVs and texture"),
     (".ply", "PLY, Mesh", "Triangles with UVs"),
+    (".stl", "STL, Solid", "Closed solid to print"),
+    (".3mf", "3MF, Solid", "Closed solid to print"),
     (".npz", "Face File", "Everything of the run, for Python"),
 )
 # Format -> the package that its writer needs and that not every Blender has.
@@ -37,17 +40,6 @@ def available(needs: Mapping[str, str] = NEEDS) -> list[tuple[str, str]]:
         for kind, label, _ in FORMATS
         if kind not in needs or find_spec(needs[kind]) is not None
     ]
-
-
-@dataclass(frozen=True)
-class FileToWrite:
-    """A file, and what is written into it."""
-
-    path: Path
-    content: Reconstruction | bytes
-    trimmed: bool = True
-    tolerance_mm: float = 0.05
-    name: str = ""
 
 
 class FileOperator(ChangingOperator, LongOperator):
@@ -66,6 +58,10 @@ class FileOperator(ChangingOperator, LongOperator):
         if bpy.app.background:
             return super().execute(context)
         return self.start(context)
+
+    @staticmethod
+    def work(solver, request, progress):
+        return export_face.write(request)
 
     def deliver(self, context, request, outcome):
         self.report({"INFO"}, messages.WROTE.format(path=outcome))
@@ -87,9 +83,24 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
     tolerance: FloatProperty(
         name="Tolerance",
         description="Of meshes: largest distance from the surface in millimetres",
-        default=0.05,
+        default=0.25,
         min=0.001,
         max=10.0,
+    )
+    texture: BoolProperty(
+        name="Texture",
+        description="The skin with the OBJ mesh and in glTF",
+        default=True,
+    )
+    density: DENSITY
+    openings: OPENINGS
+    keys: KEYS
+    thickness: FloatProperty(
+        name="Thickness",
+        description="Of the closed solids STL and 3MF, in millimetres",
+        default=2.0,
+        min=0.1,
+        max=50.0,
     )
 
     def ending(self):
@@ -107,20 +118,19 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
         if self.properties.is_property_set("kind"):
             path = export_face.with_ending(path, self.kind)
         face = scene.active_face(context)
-        saved = face_file.saved(face)
-        return FileToWrite(
-            Path(path), saved, self.trimmed, self.tolerance, name=face.name
+        options = ExportOptions(
+            trimmed=self.trimmed,
+            tolerance=self.tolerance,
+            name=face.name,
+            density=self.density.lower(),
+            keys=self.keys,
+            openings=self.openings,
+            thickness=self.thickness,
         )
-
-    @staticmethod
-    def work(solver, request, progress):
-        return export(
-            request.path,
-            request.content,
-            trimmed=request.trimmed,
-            tolerance=request.tolerance_mm,
-            name=request.name,
-        )
+        skin = material.stored_map(face, "SKIN")
+        packed = skin.packed_file if skin is not None else None
+        picture = packed.data if packed is not None and self.texture else b""
+        return FileToWrite(Path(path), face_file.stored(face), options, picture)
 
 
 class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):
@@ -141,11 +151,7 @@ class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):
         if image is None or image.packed_file is None:
             raise ReconstructionError(messages.NO_MAP_SHOWN)
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".png")
-        return FileToWrite(path, image.packed_file.data)
-
-    @staticmethod
-    def work(solver, request, progress):
-        return export_face.write_map(request.path, request.content)
+        return FileToWrite(path, None, ExportOptions(), image.packed_file.data)
 
 
 CLASSES = (BSFACE_OT_export, BSFACE_OT_texture_save)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...core.errors import ReconstructionError
 from ...core.images.read import read_photo
-from .. import landmark_editor, messages, photo_list, request, session
+from .. import landmark_editor, messages, photo_list, request
 from ..solving import next_face
 from .photos import RowOperator, ready
 from .running import LongOperator
@@ -130,33 +129,40 @@ class BSFACE_OT_landmarks_done(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class BSFACE_OT_face_next(RowOperator, bpy.types.Operator):
+@dataclass(frozen=True)
+class PhotoToLookAt:
+    """One photo in which all faces are wanted."""
+
+    path: Path
+    name: str
+    scheme: str
+
+
+class BSFACE_OT_face_next(RowOperator, LongOperator, bpy.types.Operator):
     """Take the next face of this photo, where it shows several people"""
 
     bl_idname = "bsface.face_next"
     bl_label = "Next Face"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"UNDO"}
 
-    def execute(self, context):
-        row = self.row(context)
-        if row is None:
-            return {"CANCELLED"}
+    def prepare(self, context):
+        row = self.wanted(context)
         if landmark_editor.editor() is not None:
             bpy.ops.bsface.landmarks_done(keep=False)
         scheme = context.scene.bsface.settings.landmarks
-        now = photo_list.landmarks(row)
-        try:
-            solver = session.current().solver
-            faces = solver.faces_in(photo_list.absolute(row), row.name, scheme)
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        found = next_face(faces, now)
+        return PhotoToLookAt(photo_list.absolute(row), row.name, scheme)
+
+    @staticmethod
+    def work(solver, request, progress):
+        return solver.faces_in(request.path, request.name, request.scheme)
+
+    def deliver(self, context, request, outcome):
+        row = photo_list.find(context.scene.bsface, request.name)
+        found = next_face(outcome, photo_list.landmarks(row))
         # Chosen by a person: detection must not undo it.
         photo_list.keep_landmarks(row, replace(found, source="hand"))
         row.status, row.reason = "found", ""
         self.report({"INFO"}, messages.FACES.format(count=found.faces))
-        return {"FINISHED"}
 
 
 class LandmarkFile(RowOperator):

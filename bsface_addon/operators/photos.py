@@ -14,7 +14,8 @@ from bpy.props import (
 )
 
 from ...core.errors import ReconstructionError
-from .. import messages, photo_list, session
+from .. import messages, photo_list, session, turned
+from .running import LongOperator
 
 ENDINGS = "*.jpg;*.jpeg;*.png;*.tif;*.tiff;*.webp;*.bmp"
 
@@ -41,16 +42,26 @@ class RowOperator:
     def poll(cls, context):
         return ready(cls, context)
 
-    def row(self, context):
-        """The row, or None after reporting that there is no such photo."""
+    def wanted(self, context):
+        """The row.
+
+        Raises
+        ------
+        ReconstructionError
+            There is no such photo.
+        """
         state = context.scene.bsface
         if not self.photo and 0 <= state.active_photo < len(state.photos):
             return state.photos[state.active_photo]
-        for row in state.photos:
-            if row.name == self.photo:
-                return row
-        self.report({"ERROR"}, messages.NO_SUCH_PHOTO.format(name=self.photo))
-        return None
+        return photo_list.find(state, self.photo)
+
+    def row(self, context):
+        """The row, or None after reporting that there is no such photo."""
+        try:
+            return self.wanted(context)
+        except ReconstructionError as error:
+            self.report({"ERROR"}, str(error))
+            return None
 
 
 class BSFACE_OT_photos_add(bpy.types.Operator):
@@ -196,32 +207,37 @@ class BSFACE_OT_photos_replace(RowOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class BSFACE_OT_photos_turn(RowOperator, bpy.types.Operator):
+class BSFACE_OT_photos_turn(RowOperator, LongOperator, bpy.types.Operator):
     """Turn the picture, for a photo that lies on its side; the file stays as it is"""
 
     bl_idname = "bsface.photos_turn"
     bl_label = "Turn Photo"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"UNDO"}
 
     quarters: IntProperty(
         name="Quarter Turns", description="Clockwise", default=1, min=-3, max=3
     )
 
-    def execute(self, context):
-        from .. import turned
+    def prepare(self, context):
+        row = self.wanted(context)
+        original = bpy.path.abspath(row.original) if row.original else ""
+        return turned.PhotoToTurn(
+            row.name,
+            Path(original or photo_list.absolute(row)),
+            (row.quarters + self.quarters) % 4,
+            turned.folder(),
+        )
 
-        row = self.row(context)
-        if row is None:
-            return {"CANCELLED"}
-        try:
-            path, quarters = turned.turn(row, self.quarters)
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        original = row.original or row.path
-        photo_list.set_path(context.scene.bsface, row, path)
-        row.original, row.quarters = (original, quarters) if quarters else ("", 0)
-        return {"FINISHED"}
+    @staticmethod
+    def work(solver, request, progress):
+        return turned.turn(request)
+
+    def deliver(self, context, request, outcome):
+        state = context.scene.bsface
+        row = photo_list.find(state, request.name)
+        photo_list.set_path(state, row, outcome)
+        if request.quarters:
+            row.original, row.quarters = str(request.original), request.quarters
 
 
 class BSFACE_FH_photos(bpy.types.FileHandler):

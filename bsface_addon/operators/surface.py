@@ -8,10 +8,10 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 from ...core.errors import ReconstructionError
 from ...core.problem import Constraint
 from .. import (
+    coarse_editor,
     face_file,
     maps,
     material,
-    mesh_copy,
     messages,
     photo_expression,
     removal,
@@ -165,41 +165,6 @@ class BSFACE_OT_surface_symmetrise(ChangingOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class BSFACE_OT_surface_to_mesh(FaceOperator, bpy.types.Operator):
-    """Make a mesh with UVs and the same material; the surface stays"""
-
-    bl_idname = "bsface.surface_to_mesh"
-    bl_label = "Convert to Mesh"
-    bl_options = {"REGISTER", "UNDO"}
-
-    tolerance: FloatProperty(
-        name="Tolerance",
-        description="Largest distance from the surface in millimetres of the face",
-        default=0.1,
-        min=0.005,
-        max=10.0,
-    )
-    trim: BoolProperty(
-        name="Trim to the Face",
-        description="Leave out the rim of the patch that lies outside the face",
-        default=True,
-    )
-
-    def execute(self, context):
-        face = scene.active_face(context)
-        outline = face_file.outline(face) if self.trim else None
-        surface = face_file.surface(face)
-        try:
-            with scene.all_or_nothing(context):
-                scene.leave_edit_mode(context)
-                made = mesh_copy.add(context, face, surface, outline, self.tolerance)
-        except ValueError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, messages.MESH.format(count=len(made.data.polygons)))
-        return {"FINISHED"}
-
-
 class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
     """Choose what is painted on the surface"""
 
@@ -226,9 +191,11 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
     def execute(self, context):
         face = scene.active_face(context)
         if self.kind == "NORMALS":
-            # Of the surface as it is now, edits included.
-            made = maps.normals(face_file.surface(face), face_file.outline(face))
-            material.store_map(face, "NORMALS", made)
+            # Of the surface as it is now; those of the run are there already.
+            known = material.stored_map(face, "NORMALS") is not None
+            if face_file.moved(face).any() or not known:
+                made = maps.normals(face_file.surface(face), face_file.outline(face))
+                material.store_map(face, "NORMALS", made)
         try:
             material.show(face, self.kind)
         except KeyError:
@@ -268,6 +235,53 @@ class BSFACE_OT_surface_net(FaceOperator, bpy.types.Operator):
             scene.select_only(context, face)
             bpy.ops.object.mode_set(mode="EDIT")
             _fit_proportional_size(context, face)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_coarse_edit(ChangingOperator, bpy.types.Operator):
+    """Edit the face by a net of few points; detail stays, and goes along"""
+
+    bl_idname = "bsface.coarse_edit"
+    bl_label = "Edit a Coarse Net"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if coarse_editor.editor() is not None:
+            cls.poll_message_set(messages.COARSE_OPEN)
+            return False
+        return super().poll(context)
+
+    def execute(self, context):
+        face = scene.active_face(context)
+        photo_expression.hide(face)
+        try:
+            coarse_editor.open_editor(context, face)
+        except ValueError as error:
+            self.report({"ERROR"}, messages.TOO_FEW_POINTS.format(why=error))
+            return {"CANCELLED"}
+        _fit_proportional_size(context, face)
+        return {"FINISHED"}
+
+
+class BSFACE_OT_coarse_done(bpy.types.Operator):
+    """Leave the coarse net"""
+
+    bl_idname = "bsface.coarse_done"
+    bl_label = "Done"
+    bl_options = {"REGISTER", "UNDO"}
+
+    keep: BoolProperty(name="Keep", description="Off: forget the edit", default=True)
+
+    @classmethod
+    def poll(cls, context):
+        if coarse_editor.editor() is None:
+            cls.poll_message_set(messages.NO_COARSE)
+            return False
+        return True
+
+    def execute(self, context):
+        coarse_editor.close_editor(context, self.keep)
         return {"FINISHED"}
 
 
@@ -317,10 +331,11 @@ CLASSES = (
     BSFACE_OT_surface_refit,
     BSFACE_OT_surface_resample,
     BSFACE_OT_surface_symmetrise,
-    BSFACE_OT_surface_to_mesh,
     BSFACE_OT_surface_map,
     BSFACE_OT_surface_trim,
     BSFACE_OT_surface_net,
+    BSFACE_OT_coarse_edit,
+    BSFACE_OT_coarse_done,
     BSFACE_OT_face_remove,
     BSFACE_OT_leftovers_remove,
 )

@@ -20,6 +20,8 @@ lights = load("bsface_addon.lights")
 material = load("bsface_addon.material")
 surface_object = load("bsface_addon.surface_object")
 maps = load("bsface_addon.maps")
+orientation = load("bsface_addon.orientation").orientation
+Outcome = load("bsface_addon.solving").Outcome
 removal = load("bsface_addon.removal")
 
 
@@ -49,10 +51,10 @@ def as_in_the_first_version(face):
 @pytest.mark.parametrize("version", ["0.1", "now"])
 def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, version):
     result = faces.reconstruction(tmp_path, kappa)
-    face = scene.place(bpy.context, result, "Ann")
+    face = scene.place(bpy.context, Outcome(result), "Ann")
     if version == "0.1":
         as_in_the_first_version(face)
-        scene.place(bpy.context, result, "Ann", face=face)
+        scene.place(bpy.context, Outcome(result), "Ann", face=face)
         assert surface_object.UNIT_KEY not in face
     if moved:
         face.location = (1, 2, 3)
@@ -75,7 +77,7 @@ def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, v
 
 
 def test_cameras_are_not_scaled_and_see_the_face(empty_scene, tmp_path):
-    face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
+    face = scene.place(bpy.context, Outcome(faces.reconstruction(tmp_path)), "Ann")
     assert all(obj.hide_viewport for obj in cameras.of_face(face))
     cameras.set_shown(bpy.context, face, True)
     bpy.context.view_layer.update()
@@ -87,7 +89,7 @@ def test_cameras_are_not_scaled_and_see_the_face(empty_scene, tmp_path):
 
 def test_photos_are_the_cameras_backgrounds(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, result, "Ann")
+    face = scene.place(bpy.context, Outcome(result), "Ann")
     for obj, photo in zip(cameras.of_face(face), result.photos, strict=True):
         slot = obj.data.background_images[0]
         assert slot.image.filepath == str(photo.path)
@@ -109,7 +111,7 @@ def test_orientation_is_found_for_every_exif_tag(tmp_path, tag):
     pixels = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
     path = tmp_path / "turned.jpg"
     path.write_bytes(jpeg_with_orientation(pixels, tag))
-    angle, flip = cameras.orientation(path)
+    angle, flip = orientation(path)
     stored = cv2.imread(str(path), cv2.IMREAD_IGNORE_ORIENTATION | cv2.IMREAD_COLOR)
     start = stored[:, ::-1] if flip else stored
     turned = np.rot90(start, round(angle / (np.pi / 2)))
@@ -137,7 +139,7 @@ def test_backgrounds_are_turned_clockwise_to_fill_the_frame(
 
 
 def test_face_stands_upright_in_life_size(empty_scene, tmp_path):
-    face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
+    face = scene.place(bpy.context, Outcome(faces.reconstruction(tmp_path)), "Ann")
     bpy.context.view_layer.update()
     assert face.matrix_world == Matrix()
     width, depth, height = face.dimensions
@@ -148,7 +150,7 @@ def test_face_stands_upright_in_life_size(empty_scene, tmp_path):
 
 def test_suns_shine_from_where_the_light_came(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, result, "Ann")
+    face = scene.place(bpy.context, Outcome(result), "Ann")
     for sun in lights.of_face(face):
         assert sun.hide_render and sun.hide_viewport
         lights.switch(sun, True)
@@ -166,7 +168,7 @@ def test_suns_shine_from_where_the_light_came(empty_scene, tmp_path):
 
 def test_facts_stay_with_the_object(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path / "photos")
-    scene.place(bpy.context, result, "Ann")
+    scene.place(bpy.context, Outcome(result), "Ann")
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
@@ -183,18 +185,18 @@ def test_facts_stay_with_the_object(empty_scene, tmp_path):
 
 def test_a_second_run_updates_the_same_object(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, result, "Ann")
+    face = scene.place(bpy.context, Outcome(result), "Ann")
     face.location.x = 2
     first = everything()
-    again = scene.place(bpy.context, result, "other name", face=face)
+    again = scene.place(bpy.context, Outcome(result), "other name", face=face)
     assert again == face and face.location.x == 2
     assert everything() == first
 
 
 def test_a_second_face_gets_its_own_collection(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path)
-    first = scene.place(bpy.context, result, "Ann")
-    second = scene.place(bpy.context, result, "Ann")
+    first = scene.place(bpy.context, Outcome(result), "Ann")
+    second = scene.place(bpy.context, Outcome(result), "Ann")
     assert second != first
     # Beside the first, without touching it.
     bpy.context.view_layer.update()
@@ -211,7 +213,7 @@ def test_a_second_face_gets_its_own_collection(empty_scene, tmp_path):
 @pytest.mark.parametrize("update", [False, True])
 def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, update):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, result, "Ann") if update else None
+    face = scene.place(bpy.context, Outcome(result), "Ann") if update else None
     mesh = bpy.data.meshes.new("other")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     other = bpy.data.objects.new("other", mesh)
@@ -234,7 +236,7 @@ def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, upda
     else:
         pictures = {"NO SUCH MAP": painted(np.zeros((4, 4, 3), np.uint8))}
     with pytest.raises((ValueError, KeyError)):
-        scene.place(bpy.context, result, "Ann", face=face, maps=pictures)
+        scene.place(bpy.context, Outcome(result, pictures), "Ann", face=face)
     assert everything() == before
     assert bpy.context.view_layer.objects.active == other and other.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
@@ -242,7 +244,7 @@ def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, upda
 
 
 def test_maps_are_upright_on_the_surface_and_can_be_switched(empty_scene, tmp_path):
-    face = scene.place(bpy.context, faces.reconstruction(tmp_path), "Ann")
+    face = scene.place(bpy.context, Outcome(faces.reconstruction(tmp_path)), "Ann")
     texture = np.zeros((8, 6, 3), np.uint8)
     texture[0, :, 0] = 255  # v = 0, the forehead, is red
     image = material.store_map(face, "PHOTO", painted(texture))
@@ -263,7 +265,7 @@ def test_maps_are_upright_on_the_surface_and_can_be_switched(empty_scene, tmp_pa
 def test_texture_coordinates_are_u_and_v(empty_scene, tmp_path):
     """The assumption behind the maps: row j of the picture is v_j."""
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, result, "Ann")
+    face = scene.place(bpy.context, Outcome(result), "Ann")
     depsgraph = bpy.context.evaluated_depsgraph_get()
     mesh = bpy.data.meshes.new_from_object(face.evaluated_get(depsgraph))
     uv = np.empty(len(mesh.loops) * 2, np.float32)
@@ -284,7 +286,7 @@ def painted_face(addon, tmp_path):
     before = everything()
     pictures = {"PHOTO": painted(np.zeros((4, 4, 3), np.uint8))}
     result = faces.reconstruction(tmp_path)
-    return scene.place(bpy.context, result, "Ann", maps=pictures), before
+    return scene.place(bpy.context, Outcome(result, pictures), "Ann"), before
 
 
 def test_removing_a_face_removes_what_belongs_to_it(painted_face):
@@ -328,11 +330,11 @@ def test_sun_has_the_first_order_of_the_light_it_stands_for():
 @pytest.mark.parametrize("update", [False, True])
 def test_a_result_can_come_without_taking_over(empty_scene, tmp_path, update):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, result, "Ann") if update else None
+    face = scene.place(bpy.context, Outcome(result), "Ann") if update else None
     bpy.ops.mesh.primitive_cube_add()
     cube = bpy.context.object
     bpy.ops.object.mode_set(mode="EDIT")
-    made = scene.place(bpy.context, result, "Ann", face=face, select=False)
+    made = scene.place(bpy.context, Outcome(result), "Ann", face=face, select=False)
     assert bpy.context.view_layer.objects.active == cube and cube.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
     assert bpy.context.selected_objects == [cube] and scene.is_face(made)
@@ -342,9 +344,9 @@ def test_maps_that_a_new_run_has_not_go(empty_scene, tmp_path):
     grey = painted(np.zeros((4, 4, 3), np.uint8))
     result = faces.reconstruction(tmp_path)
     both = {"PHOTO": grey, "DEVIATION": grey}
-    face = scene.place(bpy.context, result, "Ann", maps=both)
+    face = scene.place(bpy.context, Outcome(result, both), "Ann")
     material.show(face, "DEVIATION")
-    scene.place(bpy.context, result, "Ann", face=face, maps={"PHOTO": grey})
+    scene.place(bpy.context, Outcome(result, {"PHOTO": grey}), "Ann", face=face)
     assert material.stored_kinds(face) == ["PHOTO"]
     assert material.shown(face) == "PLAIN"
 

@@ -10,6 +10,7 @@ scene = load("bsface_addon.scene")
 editor = load("bsface_addon.landmark_editor")
 cameras = load("bsface_addon.cameras")
 photo_expression = load("bsface_addon.photo_expression")
+Outcome = load("bsface_addon.solving").Outcome
 showing = load("bsface_addon.showing")
 surface_object = load("bsface_addon.surface_object")
 
@@ -162,7 +163,7 @@ def mixed(addon, tmp_path):
     mixtures = np.random.default_rng(0).normal(size=(3, count))
     mixtures[0] = 0
     result = faces.reconstruction(tmp_path / "photos", mixtures=mixtures)
-    face = scene.place(bpy.context, result, "Ann")
+    face = scene.place(bpy.context, Outcome(result), "Ann")
     known_face = load("core.solve.known_face").known_face
     known = known_face(result.surface, template.resampled(result.surface.shape))
     return face, [known.with_expression(e) for e in mixtures]
@@ -213,7 +214,7 @@ def test_a_run_over_photos_that_agree_forgets_the_expressions(mixed, tmp_path):
     face, _ = mixed
     bpy.ops.bsface.view_photo(direction="NAMED", photo="2.png")
     result = faces.reconstruction(tmp_path / "photos")
-    scene.place(bpy.context, result, "", face=face)
+    scene.place(bpy.context, Outcome(result), "", face=face)
     assert face.data.shape_keys is None and photo_expression.STORED not in face
 
 

@@ -1,0 +1,90 @@
+"""A coarse net over the face: its points carry the fine net along, detail included.
+
+While it is edited, the net is an object of its own in edit mode, and a timer lets the
+face follow.  The mathematics is the core's (`core/surface/coarse.py`).
+"""
+
+from __future__ import annotations
+
+import json
+
+import bpy
+import numpy as np
+
+from ..core.surface.bspline import BSplineSurface
+from ..core.surface.coarse import apply_coarse, coarse_net, mirrored_edit
+from . import scene, surface_object
+
+BEFORE = "bsface_coarse_before"
+FACE_BEFORE = "bsface_face_before"
+INTERVAL_S = 0.1
+
+
+def editor() -> bpy.types.Object | None:
+    """The coarse net that is being edited, or None."""
+    for obj in bpy.context.scene.objects:
+        if scene.COARSE_OF in obj and surface_object.is_surface(obj):
+            return obj
+    return None
+
+
+def open_editor(context: bpy.types.Context, face: bpy.types.Object) -> bpy.types.Object:
+    """Show the coarse net of a face, ready to be edited."""
+    scene.leave_edit_mode(context)
+    points = surface_object.read(face)
+    net = coarse_net(BSplineSurface(points))
+    obj = surface_object.create_like(context, face, f"{face.name} Coarse Net", net)
+    obj[scene.COARSE_OF] = face
+    # As Blender holds it: what was not moved must not move the face.
+    obj[BEFORE] = json.dumps(surface_object.read(obj).tolist())
+    obj[FACE_BEFORE] = json.dumps(points.tolist())
+    obj.display_type = "WIRE"
+    obj.show_in_front = True
+    obj.hide_render = True
+    scene.select_only(context, obj)
+    bpy.ops.object.mode_set(mode="EDIT")
+    if not bpy.app.background:
+        bpy.app.timers.register(_tick, first_interval=INTERVAL_S)
+    return obj
+
+
+def follow(context: bpy.types.Context) -> None:
+    """Let the face follow its coarse net as it is now."""
+    obj = editor()
+    face = None if obj is None else obj[scene.COARSE_OF]
+    if face is None or not scene.is_face(face) or face.mode == "EDIT":
+        return
+    before, fine = (np.array(json.loads(obj[key])) for key in (BEFORE, FACE_BEFORE))
+    after = surface_object.read(obj)
+    if after.shape != before.shape or fine.shape[:2] != surface_object.shape(face):
+        return  # rows were added or deleted: the face stays
+    if context.scene.bsface.mirror:
+        after = mirrored_edit(before, after)
+    points = apply_coarse(BSplineSurface(fine), before, after).control_points
+    now = surface_object.read(face)
+    if np.abs(points - now).max() > surface_object.ROUNDING_MM:
+        surface_object.write(context, face, points)
+
+
+def close_editor(context: bpy.types.Context, keep: bool) -> None:
+    """Remove the coarse net; the face keeps the edit or goes back."""
+    obj = editor()
+    face = obj[scene.COARSE_OF]
+    if keep:
+        follow(context)
+    scene.leave_edit_mode(context)
+    if not keep and scene.is_face(face):
+        points = np.array(json.loads(obj[FACE_BEFORE]))
+        surface_object.write(context, face, points)
+    curve = obj.data
+    bpy.data.objects.remove(obj)
+    bpy.data.curves.remove(curve)
+    if scene.is_face(face):
+        scene.select_only(context, face)
+
+
+def _tick() -> float | None:
+    if editor() is None:
+        return None
+    follow(bpy.context)
+    return INTERVAL_S

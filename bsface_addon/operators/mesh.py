@@ -1,0 +1,111 @@
+"""What others animate: a mesh of quads with eyes and mouth, and the ARKit keys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty
+
+from ...core.errors import ReconstructionError
+from ...core.rig.arkit import arkit_keys
+from ...core.rig.mesh import quad_mesh
+from .. import face_file, mesh_copy, messages, photo_expression, scene, surface_object
+from ..face_file import StoredFace
+from .running import LongOperator
+from .surface import ChangingOperator
+
+DENSITY = EnumProperty(
+    name="Density",
+    items=(
+        ("LOW", "Low", "About 2,500 quads"),
+        ("MEDIUM", "Medium", "About 10,000 quads"),
+        ("HIGH", "High", "About 40,000 quads"),
+    ),
+    default="MEDIUM",
+)
+OPENINGS = BoolProperty(
+    name="Eyes and Mouth",
+    description="Lid openings with eyeballs, and an open line between the lips",
+    default=True,
+)
+KEYS = BoolProperty(
+    name="ARKit Keys",
+    description="The 52 ARKit expressions as shape keys",
+    default=True,
+)
+
+
+@dataclass(frozen=True)
+class MeshRequest:
+    """A mesh of a face."""
+
+    face: StoredFace
+    density: str
+    openings: bool
+    keys: bool
+
+
+class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operator):
+    """Make a mesh of quads with UVs, the same material and keys; the surface stays"""
+
+    bl_idname = "bsface.surface_to_mesh"
+    bl_label = "Convert to Mesh"
+    bl_options = {"UNDO"}
+
+    density: DENSITY
+    openings: OPENINGS
+    keys: KEYS
+
+    def prepare(self, context):
+        face = face_file.stored(scene.active_face(context))
+        return MeshRequest(face, self.density.lower(), self.openings, self.keys)
+
+    @staticmethod
+    def work(solver, request, progress):
+        return quad_mesh(
+            request.face.read(),
+            request.density,
+            eyes=request.openings,
+            mouth=request.openings,
+            keys=request.keys,
+        )
+
+    def deliver(self, context, request, outcome):
+        face = scene.active_face(context)
+        if face is None:
+            raise ReconstructionError(messages.NO_FACE_OBJECT)
+        with scene.all_or_nothing(context):
+            made = mesh_copy.add(face, outcome)
+        self.report({"INFO"}, messages.MESH.format(count=len(made.data.polygons)))
+
+
+class BSFACE_OT_arkit_keys(ChangingOperator, LongOperator, bpy.types.Operator):
+    """Add the 52 ARKit expressions as shape keys, scaled to this person"""
+
+    bl_idname = "bsface.arkit_keys"
+    bl_label = "Add ARKit Keys"
+    bl_options = {"UNDO"}
+
+    def prepare(self, context):
+        return face_file.stored(scene.active_face(context))
+
+    @staticmethod
+    def work(solver, request, progress):
+        return arkit_keys(request.read())
+
+    def deliver(self, context, request, outcome):
+        face = scene.active_face(context)
+        if face is None:
+            raise ReconstructionError(messages.NO_FACE_OBJECT)
+        with scene.all_or_nothing(context), surface_object.object_mode(context):
+            photo_expression.hide(face)
+            # On the net as it is now: it may have been edited meanwhile.
+            neutral = surface_object.read(face)
+            for name, moved in outcome.items():
+                surface_object.add_shape_key(face, name, neutral + moved)
+        self.report({"INFO"}, messages.KEYS.format(count=len(outcome)))
+
+
+CLASSES = (BSFACE_OT_surface_to_mesh, BSFACE_OT_arkit_keys)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
