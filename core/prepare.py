@@ -22,6 +22,7 @@ from .images.folder import is_video, nothing_found, scan_folder
 from .landmarks.candidates import CandidateReader
 from .landmarks.face_models import ModelFiles
 from .landmarks.face_selection import Candidate
+from .landmarks.frame_selection import read_frames
 from .landmarks.landmarks import Landmarks
 from .landmarks.observations import observe_landmarks
 from .problem import Constraint, PhotoCollection, Problem
@@ -207,7 +208,14 @@ def collect_photos(
         if name in inputs.ignore:
             outcome.append(PhotoFailure(name, "ignored", f"{name} is set aside."))
         elif isinstance(source, Path) and is_video(source):
-            outcome += reader.read_video(source, name, check_cancelled)
+            frames = read_frames(
+                reader,
+                source,
+                name,
+                ignore=inputs.ignore,
+                check_cancelled=check_cancelled,
+            )
+            outcome += [faces for _, faces in frames]
         else:
             outcome.append(reader.read(source, name, check_cancelled))
 
@@ -293,7 +301,8 @@ def _one_picture(array: np.ndarray) -> bool:
 def _check_names(ignore: Sequence[str], names: Sequence[str]) -> None:
     # A name with a slip would let the photo in, and the slip show after the work.
     for name in ignore:
-        if name not in names:
+        # A frame of a video is named by the video and its time code.
+        if name not in names and name.rpartition(" ")[0] not in names:
             listed = ", ".join(names[:5])
             if len(names) > 5:
                 listed += f" ... ({len(names)} photos)"

@@ -27,9 +27,9 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from bsface.errors import ReconstructionError
-from bsface.landmarks.face_models import user_cache
-from bsface.landmarks.model_fetching import fetch_models
+from bsface.errors import ReconstructionError  # pyright: ignore[reportMissingImports]
+from bsface.landmarks.face_models import user_cache  # pyright: ignore[reportMissingImports]
+from bsface.landmarks.model_fetching import fetch_models  # pyright: ignore[reportMissingImports]
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("scipy", "opencv-python-headless", "pi-heif", "pillow")

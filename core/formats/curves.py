@@ -54,7 +54,7 @@ def curve_on_surface(
     # v of the file runs upwards.
     ring = np.stack([ring[:, 0], 1 - ring[:, 1]], axis=1)
     make = closed_curve if closed else open_curve
-    flat = make(at / at[-1], ring)
+    flat = make(at / at[-1], np.asarray(ring, float))
     drawn = flat(np.linspace(0, 1, 40 * len(ring)))
     if drawn.min() < -1e-9 or drawn.max() > 1 + 1e-9:
         raise ValueError(

@@ -213,12 +213,6 @@ def nothing_found(scan: FolderScan) -> str:
     )
 
 
-def is_video(path: str | os.PathLike) -> bool:
-    """Whether a file counts as a video, by its ending."""
-    path = Path(path)
-    return path.suffix.lower() in VIDEO_ENDINGS and not path.is_dir()
-
-
 def natural_key(name: str) -> tuple:
     """Sort key by which ``2.jpg`` comes before ``10.jpg``, whatever the case."""
     parts = re.split(r"(\d+)", name.casefold())

@@ -51,5 +51,5 @@ def read_between(
         ).reshape(rows * _COLUMNS, -1)
         for k in range(0, channels.shape[2], _CHANNELS)
     ]
-    values = np.concatenate(parts, 1)[: len(places)]
+    values = np.concatenate(parts, 1)[: len(places)].astype(np.float32, copy=False)
     return values.reshape(*np.shape(xy)[:-1], *picture.shape[2:])

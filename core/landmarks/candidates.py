@@ -20,7 +20,6 @@ from ..camera.linear_pose import linear_pose
 from ..errors import PhotoFailure
 from ..images.photo import Photo, cut
 from ..images.read import read_photo
-from ..images.video import read_video
 from ..progress import CheckCancelled
 from ..settings import Settings
 from ..surface.template import Template
@@ -41,7 +40,6 @@ from .quality import judge_quality
 BOX_FACTOR = 1.45
 MAX_SIDE = 1024
 MAX_FACES = 6
-MAX_FRAMES = 60  # of a video
 # A face with more of its landmarks outside the picture gets a note.
 CUT_OFF = 0.02
 # Landmarks whose augmentations scatter by this part of the eye distance weigh half.
@@ -93,24 +91,7 @@ class CandidateReader:
         photo = source if isinstance(source, Photo) else read_photo(source, name)
         if isinstance(photo, PhotoFailure):
             return photo
-        return self._candidates(photo, check_cancelled)
-
-    def read_video(
-        self, path: Path, name: str, check_cancelled: CheckCancelled
-    ) -> list[tuple[Candidate, ...] | PhotoFailure]:
-        """The faces of the chosen frames of a video, frame by frame."""
-        video = read_video(
-            path, name, count=MAX_FRAMES, check_cancelled=check_cancelled
-        )
-        if isinstance(video, PhotoFailure):
-            return [video]
-        frames = video.photos(check_cancelled)
-        return [self._candidates(photo, check_cancelled) for photo in frames]
-
-    def _candidates(
-        self, photo: Photo, check_cancelled: CheckCancelled
-    ) -> tuple[Candidate, ...] | PhotoFailure:
-        name, digest = photo.name, _digest(photo.pixels)
+        digest = _digest(photo.pixels)
         if digest in self.names:
             return PhotoFailure(
                 name,
