@@ -198,9 +198,11 @@ def decode(data: Picture8, reduction: int) -> np.ndarray | None:
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
     """OpenCV warns on stderr about each damaged file; we say it in the report."""
-    level = cv2.getLogLevel()
-    cv2.setLogLevel(_SILENT)
+    # OpenCV 4.13 moved the two functions.
+    log = cv2 if hasattr(cv2, "getLogLevel") else cv2.utils.logging
+    level = log.getLogLevel()
+    log.setLogLevel(_SILENT)
     try:
         yield
     finally:
-        cv2.setLogLevel(level)
+        log.setLogLevel(level)
