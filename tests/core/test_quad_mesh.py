@@ -184,7 +184,7 @@ def test_eyes_turn_where_the_key_says(mesh):
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 def test_lids_of_everybody_stay_outside_the_eyeball(seed):
     made = quad_mesh(person(seed), "low")
     for side in ("Left", "Right"):
