@@ -19,7 +19,7 @@ from .mesh import tessellate
 #: Rounds of smoothing before the thickness counts as too large.
 ROUNDS = 400
 #: How far smoothing may move an inner point, in thicknesses.
-ALLOWED = 0.5
+ALLOWED = 1.0
 
 
 def solid(

@@ -6,8 +6,8 @@ template, because all of them share its (u, v). A key is a displacement of the c
 points: ``surface.control_points + weight * key``; weights run from 0 to 1 and keys add
 up. The net at weight 0 is the neutral face, bit for bit.
 
-Scaling: all keys by the person's eye distance; a blink also by how far the eye is
-open, so that the upper lid arrives at the lower one.
+Scaling: all keys by the person's eye distance; a blink by how far the eye is open, and
+then by the least movement of the lids that makes them meet along their whole length.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ import numpy as np
 from .._types import Array
 from ..errors import ReconstructionError
 from ..npz_arrays import floats, read_arrays
-from ..surface.bspline import BSplineSurface
+from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.template import Template, load_template
+from .grid import Slit, along
 from .names import ARKIT_NAMES
 
 BUNDLED = Path(__file__).resolve().parents[1] / "data" / "arkit.npz"
@@ -32,6 +33,9 @@ MAX_BYTES = 50_000_000
 LIDS = {"Right": (159, 145), "Left": (386, 374)}
 #: Landmarks of the outer and the inner corner of the eyes.
 CORNERS = {"Right": (33, 133), "Left": (263, 362)}
+#: Where the upper lid margin of a closed eye may lie, from the lower one, mm: upwards
+#: and forwards, at the middle of the lids.
+LID_OVER, LID_BEFORE = (-0.5, -0.1), (0.1, 0.8)
 
 
 class Face(Protocol):
@@ -129,7 +133,56 @@ def arkit_keys(face: Face) -> dict[str, Array]:
         elif key.shape[:2] != shape:
             key = np.zeros((*shape, 3))
         keys[name] = factor * key
+    for side, loop in zip(("Right", "Left"), units.lids_uv, strict=True):
+        name = f"eyeBlink{side}"
+        keys[name] = keys[name] + lid_closure(
+            face.surface,
+            keys[name],
+            lid_slit(loop),
+            feature_sizes(face.surface, units)["eyes"] / 62.0,
+        )
     return keys
+
+
+def lid_slit(loop: Array) -> Slit:
+    """Upper and lower lid with u rising, of a loop from the inner corner."""
+    outer = int(np.abs(loop[:, 0] - loop[0, 0]).argmax())
+    upper, lower = loop[: outer + 1], np.vstack([loop[outer:], loop[:1]])[::-1]
+    if upper[0, 0] > upper[-1, 0]:
+        upper, lower = upper[::-1], lower[::-1]
+    return Slit(upper, lower)
+
+
+def lid_closure(
+    surface: BSplineSurface, blink: Array, lids: Slit, unit: float
+) -> Array:
+    """What is to be added to a blink so that the lids meet, (M, N, 3).
+
+    The smallest change of the control points, in the sense of least squares, that
+    brings the upper margin just over and before the lower one.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+    blink : (M, N, 3) array
+    lids : Slit
+    unit : float
+        How much larger the face is than one of 62 mm between the eyes.
+    """
+    share = np.linspace(0, 1, 22)[1:-1]
+    upper, lower = (
+        basis_matrix(surface.shape, *along(bank, share).T)
+        for bank in (lids.upper, lids.lower)
+    )
+    D = (upper - lower).toarray()
+    gap = D @ (surface.control_points + blink).reshape(-1, 3)
+    room = unit * np.sin(np.pi * share)
+    wanted = gap.copy()
+    wanted[:, 1] = np.clip(gap[:, 1], LID_OVER[0] * room, LID_OVER[1] * room)
+    wanted[:, 2] = np.clip(gap[:, 2], LID_BEFORE[0] * room, LID_BEFORE[1] * room)
+    gram = D @ D.T
+    gram += 1e-2 * np.trace(gram) / len(gram) * np.eye(len(gram))
+    return (D.T @ np.linalg.solve(gram, wanted - gap)).reshape(blink.shape)
 
 
 def units_for(face: Face) -> FaceUnits:

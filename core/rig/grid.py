@@ -98,7 +98,7 @@ def slit_grid(
         banks.append((upper, lower))
         share = np.linspace(0, 1, last - first + 1)
         fixed += [upper, inner]
-        fixed_uv += [_along(slit.upper, share), _along(slit.lower, share[1:-1])]
+        fixed_uv += [along(slit.upper, share), along(slit.lower, share[1:-1])]
         side[k] = np.sign(row - b).ravel()
     flat = quads.reshape(-1, 4)
     side = side[:, owner]
@@ -120,7 +120,7 @@ def _place(uv: Array, slit: Slit) -> tuple[int, int, int]:
     return row, first, last
 
 
-def _along(curve: Array, share: Array) -> Array:
+def along(curve: Array, share: Array) -> Array:
     """Points of a polygon at shares of its length."""
     length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))]
     at = share * length[-1]

@@ -16,7 +16,15 @@ from scipy.spatial import cKDTree
 
 from .._types import Array, Indices
 from ..surface.bspline import basis_matrix
-from .arkit import Face, FaceUnits, feature_sizes, key_factors, units_for
+from .arkit import (
+    Face,
+    FaceUnits,
+    arkit_keys,
+    feature_sizes,
+    key_factors,
+    lid_slit,
+    units_for,
+)
 from .eyes import EYE_DISTANCE_MM, Eyeball, fit_eyeball, sphere, turned
 from .grid import Slit, SlitGrid, slit_grid
 from .names import ARKIT_NAMES
@@ -94,7 +102,7 @@ def quad_mesh(
         )
     units = units_for(face)
     nu, nv, ball_cells = DENSITIES[density]
-    slits = [_lid_slit(loop) for loop in units.lids_uv] if eyes else []
+    slits = [lid_slit(loop) for loop in units.lids_uv] if eyes else []
     if mouth:
         slits.append(Slit(units.lips_uv, units.lips_uv))
     grid = slit_grid(face.template.outline_uv, tuple(slits), (nu, nv))
@@ -107,29 +115,20 @@ def quad_mesh(
     return builder.mesh(keys)
 
 
-def _lid_slit(loop: Array) -> Slit:
-    """Upper and lower lid with u rising, of a loop from the inner corner."""
-    outer = int(np.abs(loop[:, 0] - loop[0, 0]).argmax())
-    upper, lower = loop[: outer + 1], np.vstack([loop[outer:], loop[:1]])[::-1]
-    if upper[0, 0] > upper[-1, 0]:
-        upper, lower = upper[::-1], lower[::-1]
-    return Slit(upper, lower)
-
-
 class _Builder:
     """Skin first, then what stands behind it; movements in the same order."""
 
     def __init__(self, face: Face, units: FaceUnits, grid: SlitGrid, mouth: bool):
         self.surface, self.units, self.grid = face.surface, units, grid
         self.eye_distance = feature_sizes(face.surface, units)["eyes"]
-        self.factors = dict(
-            zip(ARKIT_NAMES, key_factors(face, units).tolist(), strict=True)
-        )
+        self.keys = arkit_keys(face)
+        self.factors = key_factors(face, units)
         # The lips part; without a mouth the sheet's own keys are right.
         self.lip_side = grid.side[-1] if mouth else np.zeros(len(grid.uv))
         self.skin = face.surface.evaluate(*grid.uv.T)
+        self.basis = basis_matrix(face.surface.shape, *grid.uv.T)
         shape = (units.keys.shape[1], units.keys.shape[2])
-        self.basis = basis_matrix(shape, *grid.uv.T)
+        self.lip_basis = basis_matrix(shape, *grid.uv.T)
         self.points, self.uv = [self.skin], [grid.uv]
         self.quads, self.part = [grid.quads], [np.zeros(len(grid.quads), np.int64)]
         self.groups = regions(grid.uv, units)
@@ -144,15 +143,16 @@ class _Builder:
 
     def skin_movement(self, name: str) -> Array:
         """Displacement of the skin at full strength of a key, (p, 3)."""
+        moved = self.basis @ self.keys[name].reshape(-1, 3)
         k = ARKIT_NAMES.index(name)
-        key, jump = self.units.keys[k], self.units.jumps[k]
-        apart = np.zeros_like(key)
-        i, j = self.units.jump_first
-        apart[i : i + jump.shape[0], j : j + jump.shape[1]] = jump / 2
-        moved = self.basis @ key.reshape(-1, 3)
-        if apart.any():
-            moved = moved + self.lip_side[:, None] * (self.basis @ apart.reshape(-1, 3))
-        return self.factors[name] * moved
+        jump = self.units.jumps[k]
+        if jump.any():
+            apart = np.zeros_like(self.units.keys[k])
+            i, j = self.units.jump_first
+            apart[i : i + jump.shape[0], j : j + jump.shape[1]] = jump / 2
+            parted = self.factors[k] * (self.lip_basis @ apart.reshape(-1, 3))
+            moved = moved + self.lip_side[:, None] * parted
+        return moved
 
     def _add(self, points: Array, quads: Indices, uv: Array, part: str) -> Indices:
         """Append a piece; returns the numbers of its vertices."""

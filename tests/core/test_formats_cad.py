@@ -1,5 +1,8 @@
 """CAD files, each read back by OpenCASCADE or rhino3dm and held against the core."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from bsface.formats import obj, rhino, step
@@ -248,14 +251,29 @@ def test_rhino3dm_reads_the_same_surface(tmp_path, surface, outline, trimmed):
         assert off.max() < 1e-3
 
 
-def test_3dm_without_rhino3dm_says_what_to_install(tmp_path, surface, monkeypatch):
-    import sys
-
-    from bsface.errors import ReconstructionError
-
-    monkeypatch.setitem(sys.modules, "rhino3dm", None)
-    with pytest.raises(ReconstructionError, match=r"bsface\[cad\]"):
-        rhino.write_3dm(tmp_path / "face.3dm", surface)
+def test_3dm_without_rhino3dm_says_what_to_install(tmp_path):
+    program = """
+import sys
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name == "rhino3dm":
+            raise ImportError(name)
+sys.meta_path.insert(0, Blocker())
+from bsface.errors import ReconstructionError
+from bsface.formats.rhino import write_3dm
+from bsface.surface.template import load_template
+try:
+    write_3dm(sys.argv[1], load_template().surface)
+except ReconstructionError as error:
+    print(error)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "face.3dm")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert "bsface[cad]" in run.stdout, run.stderr
     assert not list(tmp_path.iterdir())
 
 

@@ -38,16 +38,16 @@ def test_plate_has_the_volume_of_a_box(thickness, width, height):
     assert mesh.volume == pytest.approx(width * height * thickness, rel=1e-9)
 
 
-@pytest.mark.parametrize("thickness", [1.0, 3.0])
+@pytest.mark.parametrize("thickness", [3.0])
 @pytest.mark.parametrize("bundled", [False, True])
 def test_volume_is_that_of_steiners_formula(thickness, bundled):
     """Volume between a surface and its offset: the integral of t - t^2 H + t^3 K/3."""
     template = load_template()
     surface = template.surface if bundled else face_surface()
     outline = template.outline_uv if bundled else ellipse_outline()
-    points, triangles = solid(surface, outline, thickness, 0.1)
+    points, triangles = solid(surface, outline, thickness, 0.3)
     mesh = checked(points, triangles)
-    n = 250
+    n = 160
     u, v = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n)
     uv = np.stack([u.ravel(), v.ravel()], 1)
     uv = uv[replace(template, outline_uv=outline).inside(uv)]
@@ -92,8 +92,8 @@ def face():
 
 
 def test_stl_and_3mf_hold_the_same_closed_solid(tmp_path, face):
-    options = formats.ExportOptions(thickness=2.5, tolerance=0.5, name='a "b" <c>')
-    points, triangles = solid(face.surface, face.template.outline_uv, 2.5, 0.5)
+    options = formats.ExportOptions(thickness=2.5, tolerance=1.5, name='a "b" <c>')
+    points, triangles = solid(face.surface, face.template.outline_uv, 2.5, 1.5)
     stl = formats.export(tmp_path / "face.stl", face, options=options)
     read = trimesh.load_mesh(io.BytesIO(stl.read_bytes()), file_type="stl")
     assert read.is_volume and len(read.faces) == len(triangles)

@@ -44,7 +44,7 @@ def test_offset_of_a_plane_is_the_plane_moved(distance):
     )
 
 
-@pytest.mark.parametrize("distance", [-20.0, -3.0, 4.0, 25.0])
+@pytest.mark.parametrize("distance", [-20.0, 4.0])
 def test_offset_of_a_sphere_is_a_sphere(distance):
     radius = 60.0
     made = offset(ball(radius), distance)
@@ -65,12 +65,12 @@ def test_curvatures_of_a_sphere_and_of_a_bowl():
     assert offset_limit(round_, outwards=False) == pytest.approx(50, rel=0.05)
 
 
-@pytest.mark.parametrize("distance", [-2.0, 0.5, 2.0])
+@pytest.mark.parametrize("distance", [-2.0, 0.5])
 def test_offset_of_a_face_keeps_its_distance_everywhere(distance):
     """Measured by closest points, not at equal parameters."""
     template = load_template()
     made = offset(template.surface, distance, outline_uv=template.outline_uv)
-    uv = np.random.default_rng(2).uniform(0.03, 0.97, (1500, 2))
+    uv = np.random.default_rng(2).uniform(0.03, 0.97, (600, 2))
     uv = uv[template.inside(uv)]
     off = template.surface.signed_distance(made.evaluate(*uv.T))
     # Samples next to the outline may have their closest point beside it.

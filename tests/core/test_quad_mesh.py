@@ -14,6 +14,7 @@ from bsface.surface.template import load_template
 from fake_face import ellipse_outline
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 
 def person(seed=None):
@@ -112,15 +113,17 @@ def test_eyeballs_face_outwards_and_everything_has_the_size_of_a_person(mesh):
     assert ((quad_normals(mesh)[eyes] * away)[:, 0] > 0).mean() > 0.4
 
 
-def test_mesh_of_a_symmetric_face_is_symmetric(mesh):
-    mirrored = mesh.points * (-1, 1, 1)
-    key = np.round(np.sort(mesh.points.view("f8,f8,f8").ravel()).view("f8"), 3)
-    other = np.round(np.sort(mirrored.copy().view("f8,f8,f8").ravel()).view("f8"), 3)
-    np.testing.assert_allclose(
-        np.abs(key.reshape(-1, 3)).sum(0), np.abs(other.reshape(-1, 3)).sum(0)
-    )
-    left, right = mesh.groups["brow_left"], mesh.groups["brow_right"]
-    assert abs(len(left) - len(right)) <= 0.1 * len(left)
+def test_mesh_of_a_symmetric_face_is_symmetric():
+    net = load_template().surface.control_points
+    even = BSplineSurface((net + net[::-1] * (-1, 1, 1)) / 2)
+    made = quad_mesh(SimpleNamespace(surface=even, template=load_template()), "low")
+    distance, partner = cKDTree(made.points).query(made.points * (-1, 1, 1))
+    # The landmarks that place eyes and lips are symmetric to a tenth of a millimetre.
+    assert distance.max() < 0.2
+    # Not of the mouth: its two lips have the same places.
+    for name in ("eyeBlink", "eyeLookIn", "browDown"):
+        left, right = (made.keys[f"{name}{side}"] for side in ("Left", "Right"))
+        assert np.abs(left - right[partner] * (-1, 1, 1)).max() < 0.3
 
 
 def test_groups_divide_the_mesh(mesh):
@@ -181,7 +184,7 @@ def test_eyes_turn_where_the_key_says(mesh):
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 def test_lids_of_everybody_stay_outside_the_eyeball(seed):
     made = quad_mesh(person(seed), "low")
     for side in ("Left", "Right"):

@@ -35,7 +35,7 @@ def photographed(yaw=12.0, scale=4.0):
 
 
 @given(st.floats(40, 90))
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 def test_measured_eye_distance_is_met(measured):
     face = photographed()
     size = size_from_eye_distance(face, measured, 0.5)
@@ -76,12 +76,12 @@ def test_uncertainty_of_clicks_is_that_of_repeated_clicks():
         size_from_points(
             face, "a.jpg", pixels + rng.normal(0, 1.0, (2, 2)), 50.0, sigma_mm=0.0
         )
-        for _ in range(40)
+        for _ in range(24)
     ]
     spread = np.std([f.factor for f in found])
     stated = np.mean([f.uncertainty for f in found])
-    # The standard deviation of 40 draws is itself known to about 11 %.
-    assert 0.6 < spread / stated < 1.5
+    # The standard deviation of 24 draws is itself known to about 15 %.
+    assert 0.55 < spread / stated < 1.5
 
 
 @pytest.mark.parametrize("eye", [0, 1])
