@@ -38,6 +38,7 @@ def open_editor(context: bpy.types.Context, face: bpy.types.Object) -> bpy.types
     # As Blender holds it: what was not moved must not move the face.
     obj[BEFORE] = json.dumps(surface_object.read(obj).tolist())
     obj[FACE_BEFORE] = json.dumps(points.tolist())
+    surface_object.set_resolution(obj, 1)
     obj.display_type = "WIRE"
     obj.show_in_front = True
     obj.hide_render = True

@@ -91,6 +91,7 @@ class LongOperator:
             self.deliver(context, self._request, running.result)
         except Exception as error:
             return self.failed(context, error, running.trace or traceback.format_exc())
+        redraw(context)
         return {"FINISHED"}
 
     def cancel(self, context):

@@ -133,7 +133,7 @@ opened = []
 
 
 def running():
-    return module("job").current() is not None
+    return module("session").running() is not None
 
 
 def state():
@@ -228,7 +228,7 @@ def start():
 
 @step(0.5)
 def under_way():
-    job = module("job").current()
+    job = module("session").running()
     return None if job is None or job.fraction > 0.3 else 0.3
 
 
@@ -261,7 +261,7 @@ def net_done():
     call("surface_net")
 
 
-for kind in ("PLAIN", "SKIN", "PHOTO", "NORMALS", "RESIDUAL", "CONFIDENCE"):
+for kind in ("PLAIN", "SKIN", "PHOTO", "NORMALS", "RESIDUAL", "DEVIATION"):
 
     @step(2.0)
     def paint(kind=kind):

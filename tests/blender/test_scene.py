@@ -375,3 +375,14 @@ def test_quality_is_told_in_numbers(tmp_path):
     )
     unknown = scene.quality_facts(dataclasses.replace(result, deviation=None))
     assert "deviation" not in messages.quality(unknown) and not messages.quality({})
+
+
+def test_normals_are_those_of_the_surface(tmp_path):
+    result = faces.reconstruction(tmp_path)
+    square = np.array([[-1, -1], [2, -1], [2, 2], [-1, 2]], float)
+    png = np.frombuffer(maps.normals(result.surface, square).png, np.uint8)
+    picture = cv2.imdecode(png, cv2.IMREAD_COLOR)[::-1, :, ::-1]
+    size = maps.RESOLUTION
+    rows, columns = np.array([[5, 300, 511], [0, 140, 480]])
+    expected = result.surface.normals((columns + 0.5) / size, (rows + 0.5) / size)
+    np.testing.assert_allclose(picture[rows, columns] / 127.5 - 1, expected, atol=0.005)
