@@ -1,4 +1,4 @@
-"""From the last estimate to the result: frame, constraint, reports, warnings."""
+"""From the last estimate to the result: frame, constraint, checks, reports."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from .solve.constraint import hold
 from .solve.expression import expression_offsets
 from .solve.known_face import SourcePhotos, known_face
 from .solve.motion import MotionOptions
+from .solve.sanity import check_surface
 from .surface.alignment import head_frame
 
 
@@ -31,6 +32,11 @@ def finish(
     estimate : FaceEstimate
         The last one of the run.
     history : sequence of HistoryEntry
+
+    Raises
+    ------
+    ReconstructionError
+        When the surface cannot be a face.
     """
     estimate = _personal_landmarks(problem, estimate)
     reports = photo_reports(problem, estimate)
@@ -57,6 +63,7 @@ def finish(
         constraint=problem.constraint,
         history=tuple(history),
         warnings=(
+            *check_surface(estimate.surface, problem.template),
             *collection.hints,
             *collection.identity_warnings,
             *shortcomings(poses, light),
