@@ -22,6 +22,7 @@ from ..surface.bspline import BSplineSurface, grid_parameters, grid_triangles
 from .rasterize import rasterize
 
 Array = npt.NDArray[np.float64]
+Picture = npt.NDArray[np.uint8]
 
 #: Yaw of the standard views in degrees; positive turns the nose to the
 #: picture's right.
@@ -129,6 +130,89 @@ def yaw_rotation(degrees: float, pitch: float = 0.0) -> Array:
     return np.asarray(nod @ turn, float)
 
 
+@dataclass(frozen=True)
+class View:
+    """What a picture of a sampled surface shows, before it is painted.
+
+    Attributes
+    ----------
+    size : (width, height)
+    supersampling : int
+        The pixels are that many times finer.
+    uv : (n, 2) array
+        Parameters that the covered pixels see.
+    normal : (n, 3) array
+        Unit normals there, in view coordinates.
+    rows, columns : (n,) int arrays
+        Where the pixels lie.
+    """
+
+    size: tuple[int, int]
+    supersampling: int
+    uv: Array
+    normal: Array
+    rows: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int64]
+
+    def painted(
+        self,
+        colours: npt.NDArray | None = None,
+        shading: float = 1.0,
+        background: Sequence[int] = (255, 255, 255),
+    ) -> Picture:
+        """The picture, (height, width, 3) uint8; see `shaded_view`."""
+        if colours is None:
+            base = np.full((len(self.uv), 3), (0.80, 0.77, 0.74))
+        else:
+            picture = np.asarray(colours)[..., :3]
+            base = read_picture(picture, self.uv) / float(np.iinfo(picture.dtype).max)
+        lit = base * (1 - shading) + base * _studio(self.normal) * shading
+        # The inside of the shell, seen from behind, in plain dark grey.
+        lit[self.normal[:, 2] < 0] = (0.35, 0.35, 0.37)
+        width, height = self.size
+        canvas = np.empty((height * self.supersampling, width * self.supersampling, 3))
+        canvas[:] = np.asarray(background, float) / 255
+        canvas[self.rows, self.columns] = lit
+        canvas = cv2.resize(canvas, self.size, interpolation=cv2.INTER_AREA)
+        return np.round(np.clip(canvas, 0, 1) * 255).astype(np.uint8)
+
+
+def look_at(
+    grid: SurfaceGrid,
+    rotation: Array | None = None,
+    *,
+    size: tuple[int, int] = (360, 440),
+    mm_per_pixel: float | None = None,
+    centre: Sequence[float] | Array | None = None,
+    supersampling: int = 2,
+) -> View:
+    """What an orthographic picture of a sampled surface shows; see `shaded_view`."""
+    rotation = np.eye(3) if rotation is None else np.asarray(rotation, float)
+    used = np.unique(grid.triangles)
+    if used.size == 0:
+        nothing, nowhere = np.zeros((0, 3)), np.zeros(0, np.int64)
+        return View(size, supersampling, nothing[:, :2], nothing, nowhere, nowhere)
+    if centre is None:
+        low, high = grid.points[used].min(axis=0), grid.points[used].max(axis=0)
+        centre = (low + high) / 2
+    view = (grid.points - np.asarray(centre)) @ rotation.T
+    if mm_per_pixel is None:
+        spread = np.ptp(view[used, :2], axis=0) / (np.asarray(size) * 0.94)
+        mm_per_pixel = float(spread.max()) or 1.0
+    width, height = size[0] * supersampling, size[1] * supersampling
+    scale = supersampling / mm_per_pixel
+    xy = view[:, :2] * (scale, -scale) + ((width - 1) / 2, (height - 1) / 2)
+    raster = rasterize(xy, view[:, 2], grid.triangles, (width, height))
+    uv = raster.interpolate(grid.uv, grid.triangles)
+    normal = raster.interpolate(grid.normals, grid.triangles) @ rotation.T
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    rows, columns = np.nonzero(raster.covered)
+    keep = np.ones(len(uv), bool)
+    if grid.inside is not None:
+        keep = look_up(grid.inside, uv)
+    return View(size, supersampling, uv[keep], normal[keep], rows[keep], columns[keep])
+
+
 def shaded_view(
     grid: SurfaceGrid,
     rotation: Array | None = None,
@@ -140,7 +224,7 @@ def shaded_view(
     centre: Sequence[float] | None = None,
     background: Sequence[int] = (255, 255, 255),
     supersampling: int = 2,
-) -> npt.NDArray[np.uint8]:
+) -> Picture:
     """One orthographic picture of a sampled surface.
 
     Parameters
@@ -166,46 +250,15 @@ def shaded_view(
     -------
     (height, width, 3) uint8 array
     """
-    rotation = np.eye(3) if rotation is None else np.asarray(rotation, float)
-    used = np.unique(grid.triangles)
-    if used.size == 0:
-        return np.full((size[1], size[0], 3), background, np.uint8)
-    if centre is None:
-        low, high = grid.points[used].min(axis=0), grid.points[used].max(axis=0)
-        centre = (low + high) / 2
-    view = (grid.points - np.asarray(centre)) @ rotation.T
-    if mm_per_pixel is None:
-        spread = np.ptp(view[used, :2], axis=0) / (np.asarray(size) * 0.94)
-        mm_per_pixel = float(spread.max()) or 1.0
-    width, height = size[0] * supersampling, size[1] * supersampling
-    scale = supersampling / mm_per_pixel
-    xy = view[:, :2] * (scale, -scale) + ((width - 1) / 2, (height - 1) / 2)
-    raster = rasterize(xy, view[:, 2], grid.triangles, (width, height))
-
-    uv = raster.interpolate(grid.uv, grid.triangles)
-    normal = raster.interpolate(grid.normals, grid.triangles) @ rotation.T
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    if colours is None:
-        base = np.full((len(uv), 3), (0.80, 0.77, 0.74))
-    else:
-        picture = np.asarray(colours)[..., :3]
-        full = float(np.iinfo(picture.dtype).max)
-        base = read_picture(picture, uv) / full
-    lit = base * (1 - shading) + base * _studio(normal) * shading
-    # The inside of the shell, seen from behind, in plain dark grey.
-    lit[normal[:, 2] < 0] = (0.35, 0.35, 0.37)
-
-    canvas = np.empty((height, width, 3))
-    canvas[:] = np.asarray(background, float) / 255
-    seen = raster.covered
-    if grid.inside is not None:
-        keep = look_up(grid.inside, uv)
-        rows, columns = np.nonzero(seen)
-        canvas[rows[keep], columns[keep]] = lit[keep]
-    else:
-        canvas[seen] = lit
-    canvas = cv2.resize(canvas, size, interpolation=cv2.INTER_AREA)
-    return np.round(np.clip(canvas, 0, 1) * 255).astype(np.uint8)
+    view = look_at(
+        grid,
+        rotation,
+        size=size,
+        mm_per_pixel=mm_per_pixel,
+        centre=centre,
+        supersampling=supersampling,
+    )
+    return view.painted(colours, shading, background)
 
 
 def _studio(normal: Array) -> Array:
@@ -236,19 +289,16 @@ def view_rotation(view: str | float | Array) -> Array:
     return np.asarray(view, float)
 
 
-def render_views(
+def face_views(
     surface: BSplineSurface,
     template: Any = None,
     *,
     views: Sequence[str | float] = ("front", "three-quarter", "profile"),
     height: int = 440,
-    colours: npt.NDArray | None = None,
-    shading: float = 1.0,
     resolution: int = 220,
-    background: Sequence[int] = (255, 255, 255),
     check_cancelled: CheckCancelled = never_cancelled,
-) -> npt.NDArray[np.uint8]:
-    """Views of a face side by side at one scale.
+) -> tuple[View, ...]:
+    """Views of a face at one scale, to be painted as often as one likes.
 
     Parameters
     ----------
@@ -258,42 +308,68 @@ def render_views(
     views : sequence of names of :data:`VIEWS` or yaws in degrees
     height : int
         Pixels.
-    colours, shading, background
-        As in :func:`shaded_view`.
     resolution : int
         Samples along u and v.
-    tick : callable, optional
+    check_cancelled : callable, optional
         Called before each view.
+    """
+    grid = sample_surface(surface, template, resolution)
+    points = grid.points[np.unique(grid.triangles)]
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    rotations = [view_rotation(view) for view in views]
+    turned = [(points - middle) @ rotation.T for rotation in rotations]
+    mm_per_pixel = max(np.ptp(p[:, 1]) for p in turned) / (0.94 * height)
+    found = []
+    for rotation, p in zip(rotations, turned, strict=True):
+        check_cancelled()
+        shift = (p.min(axis=0) + p.max(axis=0)) / 2
+        found.append(
+            look_at(
+                grid,
+                rotation,
+                size=(int(np.ceil(np.ptp(p[:, 0]) / mm_per_pixel / 0.94)), height),
+                mm_per_pixel=mm_per_pixel,
+                centre=middle + rotation.T @ (shift * (1, 1, 0)),
+            )
+        )
+    return tuple(found)
+
+
+def side_by_side(
+    views: Sequence[View],
+    colours: npt.NDArray | None = None,
+    shading: float = 1.0,
+    background: Sequence[int] = (255, 255, 255),
+) -> Picture:
+    """Views painted alike, in one picture; see `shaded_view`."""
+    pictures = [view.painted(colours, shading, background) for view in views]
+    return np.concatenate(pictures, axis=1)
+
+
+def render_views(
+    surface: BSplineSurface,
+    template: Any = None,
+    *,
+    height: int = 440,
+    colours: npt.NDArray | None = None,
+    shading: float = 1.0,
+    background: Sequence[int] = (255, 255, 255),
+) -> Picture:
+    """Front, three-quarter view and profile of a face, side by side at one scale.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+    template : Template, optional
+        Trims to the face.
+    height : int
+        Pixels.
+    colours, shading, background
+        As in `shaded_view`.
 
     Returns
     -------
     (height, W, 3) uint8 array
     """
-    grid = sample_surface(surface, template, resolution)
-    used = np.unique(grid.triangles)
-    middle = (grid.points[used].min(axis=0) + grid.points[used].max(axis=0)) / 2
-    rotations = [view_rotation(view) for view in views]
-    spreads = [
-        np.ptp((grid.points[used] - middle) @ rotation.T, axis=0)
-        for rotation in rotations
-    ]
-    mm_per_pixel = max(spread[1] for spread in spreads) / (0.94 * height)
-    pictures = []
-    for rotation, spread in zip(rotations, spreads, strict=True):
-        check_cancelled()
-        width = int(np.ceil(spread[0] / mm_per_pixel / 0.94))
-        turned = (grid.points[used] - middle) @ rotation.T
-        shift = (turned.min(axis=0) + turned.max(axis=0)) / 2
-        pictures.append(
-            shaded_view(
-                grid,
-                rotation,
-                size=(width, height),
-                colours=colours,
-                shading=shading,
-                mm_per_pixel=mm_per_pixel,
-                centre=middle + rotation.T @ (shift * (1, 1, 0)),
-                background=background,
-            )
-        )
-    return np.concatenate(pictures, axis=1)
+    views = face_views(surface, template, height=height)
+    return side_by_side(views, colours, shading, background)

@@ -17,14 +17,12 @@ import numpy.typing as npt
 
 from ..drawing import maps, plots
 from ..drawing.pictures import colour_map, encode_png
-from ..drawing.render import render_views
+from ..drawing.render import View, face_views, side_by_side
 from ..files import write_bytes, write_text
 from ..images.colour import to_picture
 from ..json_text import to_json
 from ..progress import CheckCancelled, never_cancelled
 from ..result import Reconstruction
-from ..surface.bspline import BSplineSurface
-from ..surface.template import Template
 from ..texture.bake import Texture, bake_texture
 from ..threads import one_blas_thread
 from .facts import folder_name, result_facts
@@ -36,6 +34,8 @@ from .sheet import summary_sheet
 COMPANIONS = (".json", ".png")
 #: Texels a side of the texture that is made for the page.
 TEXTURE_SIZE = 512
+#: Pixels of a map that is drawn on the face.
+MAP_HEIGHT = 300
 
 
 @one_blas_thread()
@@ -125,28 +125,21 @@ def report_pictures(
     check_cancelled: CheckCancelled = never_cancelled,
 ) -> dict[str, npt.NDArray[np.uint8]]:
     """The page's pictures by name, (h, w, 3) uint8 arrays."""
-    surface, template = reconstruction.surface, reconstruction.template
-    pictures = {
-        "views": render_views(
-            surface, template, height=460, check_cancelled=check_cancelled
-        )
-    }
+    surface = reconstruction.surface
+    views = face_views(
+        surface, reconstruction.template, height=460, check_cancelled=check_cancelled
+    )
+    pictures = {"views": side_by_side(views)}
     if texture is not None:
+        check_cancelled()
         skin = to_picture(texture.mean)
-        pictures["textured"] = render_views(
-            surface,
-            template,
-            height=460,
-            colours=skin,
-            shading=0.15,
-            check_cancelled=check_cancelled,
-        )
+        pictures["textured"] = side_by_side(views, skin, 0.15)
         pictures["albedo"] = _square(to_picture(texture.albedo), 420)
         pictures["mean"] = _square(skin, 420)
     for name, values in maps.derivative_maps(surface).items():
         check_cancelled()
         pictures[f"map_{name}"] = _map_picture(values, name)
-    on_face = partial(_on_face, surface, template, check_cancelled)
+    on_face = partial(_on_face, views)
     check_cancelled()
     residual = maps.residual_map(reconstruction.photometric)
     if residual is None and texture is not None:
@@ -205,21 +198,14 @@ def _map_picture(values: npt.NDArray, name: str) -> npt.NDArray[np.uint8]:
 
 
 def _on_face(
-    surface: BSplineSurface,
-    template: Template,
-    check_cancelled: CheckCancelled,
+    views: Sequence[View],
     values: npt.NDArray,
     low: float,
     high: float,
     name: str = "magma",
 ) -> npt.NDArray[np.uint8]:
     """A map drawn on the face, three views."""
-    colours = colour_map(values, low, high, name)
-    return render_views(
-        surface,
-        template,
-        height=300,
-        colours=colours,
-        shading=0.35,
-        check_cancelled=check_cancelled,
-    )
+    picture = side_by_side(views, colour_map(values, low, high, name), 0.35)
+    width = round(picture.shape[1] * MAP_HEIGHT / picture.shape[0])
+    small = cv2.resize(picture, (width, MAP_HEIGHT), interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.uint8)
