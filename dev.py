@@ -136,7 +136,7 @@ def environment(line: str, *groups: str) -> str:
 def models(python: str) -> None:
     """Fetch the face models into the user's cache where they are missing."""
     if _output([python, "-m", "bsface", "models"]) is None:
-        say("taking the two face models out of the wheel of mediapipe")
+        say("fetching the face models into the user's cache")
         run_or_stop([python, "-m", "bsface", "models", "fetch"])
 
 
