@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 from bsface.errors import Cancelled, PhotoFailure
 from bsface.images.decode import Limits
+from bsface.images.folder import list_photos
 from bsface.images.frames import ALIKE, choose_frames, far_apart, look
+from bsface.images.keep_frames import keep_frames
+from bsface.images.read import read_photo
 from bsface.images.video import VideoFrames, read_video, time_code
 from videos_for_tests import CODECS, turned_clip, with_times, with_transfer, write_clip
 
@@ -151,6 +154,18 @@ def test_high_dynamic_range_is_noted(tmp_path):
     assert "high dynamic range (HLG)" in next(found.photos()).note
     with_transfer(write_clip(path, PICTURES[:2]), 1)
     assert read_video(path).note == ""
+
+
+def test_frames_are_kept_as_photos(tmp_path):
+    found = read_video(write_clip(tmp_path / "a.avi", PICTURES))
+    folder = tmp_path / "new" / "frames"
+    paths = keep_frames(found, folder, found.names[1:4])
+    assert [path.name for path in paths] == [
+        f"a.avi 00-00.{k}00.png" for k in (1, 2, 3)
+    ]
+    assert list_photos(folder) == paths
+    for path, photo in zip(paths, list(found.photos())[1:4], strict=True):
+        np.testing.assert_array_equal(read_photo(path).pixels, photo.pixels)
 
 
 def test_cancelling(tmp_path):
