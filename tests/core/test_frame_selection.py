@@ -14,7 +14,7 @@ from bsface.surface.template import load_template
 from fake_face import person_folder
 from videos_for_tests import write_clip
 
-COUNT = 12
+COUNT = 8
 
 
 @pytest.fixture(scope="module")
