@@ -16,7 +16,19 @@ import numpy as np
 from bsface import Settings
 from bsface.landmarks.all_faces import faces_in
 from fake_face import other_skin, person_folder
-from pictures_for_tests import animated, bomb, cmyk, encoded, exif_turned, palette
+from pictures_for_tests import (
+    SRGB_FORMULA,
+    animated,
+    bomb,
+    by_pillow,
+    cmyk,
+    encoded,
+    exif_turned,
+    heic,
+    icc_profile,
+    palette,
+    png_with_profile,
+)
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "photos"
 
@@ -74,7 +86,7 @@ class Folder:
 
 def photo_rows(folder: Path) -> list[PhotoRow]:
     """A folder with every kind of bad photo, and some good ones."""
-    lay = Folder(folder, 36)
+    lay = Folder(folder, 40)
     rows: list[PhotoRow] = []
 
     def add(title: str, name: str, code: str, *content: Any, **record: Any) -> None:
@@ -113,6 +125,18 @@ def photo_rows(folder: Path) -> list[PhotoRow]:
     frames = animated([pixels, np.zeros_like(pixels)])
     add("animated", "moving.png", "used", frames, points)
 
+    pixels, points = lay.next()
+    profile = png_with_profile(
+        encoded(".png", pixels), icc_profile("Display P3", SRGB_FORMULA)
+    )
+    add("Display P3", "p3.png", "used", profile, points)
+    pixels, points = lay.next()
+    add("HEIC, turned", "phone.heic", "used", heic(np.rot90(pixels), turn=6), points)
+    pixels, points = lay.next()
+    add("AVIF", "web.avif", "used", by_pillow("AVIF", pixels), points)
+    pixels, points = lay.next()
+    add("JPEG 2000", "scan.jp2", "used", by_pillow("JPEG2000", pixels), points)
+
     # files that are no pictures
     jpeg, png = (encoded(k, lay.next()[0]) for k in (".jpg", ".png"))
     add("text renamed .jpg", "text.jpg", "unreadable", b"Dear photo,\nyours")
@@ -123,8 +147,9 @@ def photo_rows(folder: Path) -> list[PhotoRow]:
     add("1 x 1 pixel", "dot.png", "unreadable", dot)
     add("30,000 x 30,000 pixels", "huge.png", "too_large", bomb(30000, 30000))
     add("GIF", "moving.gif", "unreadable", b"GIF89a" + struct.pack("<HH", 99, 99))
-    heic = b"\0\0\0\x18ftypheic" + b"\0" * 50
-    add("HEIC of a phone", "phone.heic", "unreadable", heic)
+    head = b"\0\0\0\x18ftypheic" + b"\0" * 50
+    add("HEIC cut short", "short.heic", "unreadable", head)
+    add("raw", "raw.cr2", "unreadable", b"II*\0\x10\0\0\0CR" + b"\0" * 99)
     (folder / "loop.jpg").symlink_to(folder / "loop.jpg")
     rows.append(PhotoRow("symbolic link to itself", "loop.jpg", "unreadable"))
     add("no permission to read", "locked.jpg", "unreadable", jpeg)
