@@ -46,7 +46,8 @@ def shortcomings(poses: Array, singular_values: Array | None = None) -> tuple[st
         if n > 1 and not seen:
             out.append(
                 f"No photo shows the head turned to the {side} of the picture; add one "
-                f"turned by 20 to 40 degrees, or the {way} cheek stays a guess."
+                f"turned by 20 to 40 degrees, or the cheek on the {way} of the picture "
+                "stays a guess."
             )
     if n and (np.abs(yaw) > FRONT).all():
         out.append(
