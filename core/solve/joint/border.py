@@ -64,7 +64,7 @@ class Border:
         r = rows.residual - rows.shading * taken
         force = -np.einsum("aip,ip->ap", self.V[:3], r)
         photos = -rows.pull(rows.precision * r)
-        return sum(t @ f for t, f in zip(self._upright, force, strict=True)), photos
+        return self._spread(force), photos
 
     @cached_property
     def photo_blocks(self) -> Array:
@@ -85,8 +85,12 @@ class Border:
 
     def to_shape(self, sums: Array) -> Array:
         """Coupling of the photos with the displacement, ``(M*N,)``."""
-        fields = sums[:3] - self.share * sums[3]
-        return sum(t @ f for t, f in zip(self._upright, fields, strict=True))
+        return self._spread(sums[:3] - self.share * sums[3])
+
+    def _spread(self, fields: Array) -> Array:
+        """``sum_a T_a^T f_a``, ``(M*N,)``, for fields (3, p)."""
+        t, t_u, t_v = self._upright
+        return t @ fields[0] + t_u @ fields[1] + t_v @ fields[2]
 
     def to_photos(self, moved: Array, albedo_sum: Array | None = None) -> Array:
         """Coupling of a displacement (M*N,) with the photos, ``(n, m)``.
