@@ -42,15 +42,6 @@ def test_the_factor_is_that_of_the_matrix(shape):
     np.testing.assert_allclose(factor.half(L), np.eye(len(L)), atol=1e-8)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_inverse_diagonal(shape):
-    A = normal_matrix(shape, seed=3)
-    expected = np.linalg.inv(A.toarray()).diagonal()
-    np.testing.assert_allclose(
-        block_cholesky(A, shape).inverse_diagonal(), expected, rtol=1e-8
-    )
-
-
 def test_right_sides_stay_as_they_are():
     A = normal_matrix((8, 9))
     B = np.ones((72, 2))

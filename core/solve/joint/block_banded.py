@@ -72,10 +72,6 @@ class BlockCholesky:
         columns = right.reshape(len(right), -1)
         return self.other_half(self.half(columns)).reshape(right.shape)
 
-    def inverse_diagonal(self) -> Array:
-        """Diagonal of ``A^-1``, ``(b,)``."""
-        return (self.half(np.eye(self.edges[-1])) ** 2).sum(0)
-
 
 def block_cholesky(A: sparse.csr_array, shape: tuple[int, int]) -> BlockCholesky:
     """Factor a matrix over the control points of a net.

@@ -23,6 +23,7 @@ from ...camera.camera import PARAMETERS, Camera
 from ...images.photo import Photo
 from ...photometry.lighting import estimate_lighting
 from ...surface.bspline import BSplineSurface
+from .gram import product
 from .samples import Geometry, Samples
 from .state import State
 
@@ -149,12 +150,14 @@ class Linearisation(NamedTuple):
     ----------
     samples : Samples
     residual, precision : (n, p) arrays
-    by_displacement : (n, p, 3) array
+    by_displacement : (3, n, p) array
         ``c``: derivative by the displacement and by its two slopes.
     by_camera : (n, p, 7) array
         First columns of ``h``.
-    by_light : (k, p, q) array
-        Last columns of ``h``; of all photos (k = 1), or of each.
+    harmonics : (k, p, q) array
+        Shading by each harmonic, for all photos (k = 1) or for each of them; times
+        minus the albedo these are the last columns of ``h``.
+    albedo : (p,) array
     shading : (n, p) array
         ``s``: minus the derivative by the albedo.
     albedo_precision : float
@@ -166,14 +169,41 @@ class Linearisation(NamedTuple):
     precision: Array
     by_displacement: Array
     by_camera: Array
-    by_light: Array
+    harmonics: Array
+    albedo: Array
     shading: Array
     albedo_precision: float = 0.0
 
-    def by_photo(self, i: int) -> Array:
-        """``h_i``: derivative by camera and light of photo ``i``, ``(p, 7 + q)``."""
-        light = self.by_light[i if len(self.by_light) > 1 else 0]
-        return np.concatenate([self.by_camera[i], light], 1)
+    def by_photo(self, i: int, every: int = 1) -> Array:
+        """``h_i``: derivative by camera and light of photo ``i``, ``(p, 7 + q)``.
+
+        With ``every`` > 1 only each of that many samples.
+        """
+        Y = self.harmonics[i if len(self.harmonics) > 1 else 0]
+        light = -self.albedo[::every, None] * Y[::every]
+        return np.concatenate([self.by_camera[i, ::every], light], 1)
+
+    def change(self, z: Array) -> Array:
+        """``h_i z_i``: change of the residuals (n, p) by photo parameters (n, m)."""
+        camera, light = z[:, :PARAMETERS], z[:, PARAMETERS:]
+        if len(self.harmonics) == 1:
+            out = product(light, self.harmonics[0].T)
+        else:
+            out = np.matmul(self.harmonics, light[..., None])[..., 0]
+        out *= -self.albedo
+        out += np.matmul(self.by_camera, camera[..., None])[..., 0]
+        return out
+
+    def pull(self, x: Array) -> Array:
+        """``h_i^T x_i``, ``(n, m)``, for ``x`` (n, p)."""
+        z = np.empty((len(x), PARAMETERS + self.harmonics.shape[2]))
+        z[:, :PARAMETERS] = np.matmul(x[:, None], self.by_camera)[:, 0]
+        light = x * -self.albedo
+        if len(self.harmonics) == 1:
+            z[:, PARAMETERS:] = product(light, self.harmonics[0])
+        else:
+            z[:, PARAMETERS:] = np.matmul(light[:, None], self.harmonics)[:, 0]
+        return z
 
 
 def read_photos(
@@ -226,15 +256,15 @@ def linearise(
     """
     geometry, albedo, lights = seen.geometry, shading.albedo, shading.lights
     n = len(lights)
-    c = np.zeros((*seen.values.shape, 3))
-    c[..., 0] = seen.by_displacement
-    s = np.zeros_like(seen.values)
+    c = np.empty((3, *seen.values.shape))
+    c[0] = seen.by_displacement
+    s = np.empty_like(seen.values)
     for k, N in enumerate(geometry.normals):
         which = list(range(n)) if len(geometry.normals) == 1 else [k]
         turn = samples.transfer.slopes(N, lights[which])
         for t, i in zip(turn, which, strict=True):
-            c[i, :, 1] = albedo * (t * geometry.g_u[k]).sum(1)
-            c[i, :, 2] = albedo * (t * geometry.g_v[k]).sum(1)
+            c[1, i] = albedo * (t * geometry.g_u[k]).sum(1)
+            c[2, i] = albedo * (t * geometry.g_v[k]).sum(1)
             s[i] = seen.harmonics[k] @ lights[i]
     return Linearisation(
         samples,
@@ -242,7 +272,8 @@ def linearise(
         confidence * shading.weights,
         c,
         seen.by_camera,
-        -albedo[:, None] * seen.harmonics,
+        seen.harmonics,
+        albedo,
         s,
         shading.albedo_precision,
     )

@@ -1,25 +1,41 @@
 """The Gauss-Newton system: albedo eliminated, displacement bordered by the rest.
 
-All blocks have the form ``T_a^T diag(.) T_b`` with ``a, b`` in value, u-slope, v-slope;
-what belongs to one photo (camera, light) borders them.
+The unknowns are displacement ``d``, modes ``a`` and the cameras and lights ``z_i`` of n
+photos.  Only what is small or sparse is formed: the block of the displacement,
+``T_a^T diag(.) T_b`` with ``a, b`` in value, u-slope, v-slope, and one block per photo.
+All that couples photos with the face and, by the albedo, with each other is applied
+sample by sample (`border`), so that memory and time are linear in the number of photos.
+
+The step comes from the Schur complement of the photos: displacement and modes are
+eliminated exactly, by Cholesky factors, and conjugate gradients find ``z``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse.linalg import LinearOperator, cg
 
 from ..._types import Array
 from ...camera.camera import PARAMETERS
-from .block_banded import BlockCholesky, block_cholesky
-from .gram import gram
+from ...errors import ReconstructionError
+from .border import Border
+from .coarse_space import CoarseSpace, coarse_space
 from .linearise import Linearisation
+from .marginal import displacement_deviation
+from .shape_block import ShapeBlock
 from .state import State, Step
+
+#: Relative residual at which the conjugate gradients stop, in the metric of the photos'
+#: blocks.  So small because visibility has thresholds: a step that is 1e-5 mm off makes
+#: other samples visible, and some steps later that is a tenth of a millimetre.
+TOLERANCE = 1e-9
+#: Far more steps than any system has needed.
+MOST_STEPS = 2000
 
 
 class Term(Protocol):
@@ -38,13 +54,16 @@ class BorderedSystem:
     state : State
         Where the residuals are linearised.
     precision : list of (M*N, M*N) sparse arrays
-        To be summed: block of the displacement, without its prior.
+        To be summed: block of the displacement, without prior and intensities.
     right : (M*N,) array
         Its right side.
-    coupling : (M*N, n m) array
-        Block between displacement and photos.
-    photo_precision, photo_right : (n m, n m), (n m,) arrays
-        Block and right side of the photos, ``m = 7 + q`` each.
+    photo_precision, photo_right : (n, m, m), (n, m) arrays
+        Block and right side of each photo, ``m = 7 + q``; without the intensities,
+        whose blocks are in `border`.
+    coupling : (M*N, n, 7) array
+        Between displacement and cameras, without the intensities.
+    border : Border or None
+        All that the intensities say about the photos.
     """
 
     def __init__(self, state: State) -> None:
@@ -53,9 +72,10 @@ class BorderedSystem:
         self.state = state
         self.precision: list[sparse.csr_array] = []
         self.right = np.zeros(size)
-        self.coupling = np.zeros((size, n * m))
-        self.photo_precision = np.zeros((n * m, n * m))
-        self.photo_right = np.zeros(n * m)
+        self.photo_precision = np.zeros((n, m, m))
+        self.photo_right = np.zeros((n, m))
+        self.coupling = np.zeros((size, n, PARAMETERS))
+        self.border: Border | None = None
 
     def add_displacement(self, precision: sparse.csr_array, right: Array) -> None:
         """Add to the block of the displacement, ``(M*N, M*N)`` and ``(M*N,)``."""
@@ -64,71 +84,115 @@ class BorderedSystem:
 
     def add_photo(self, i: int, which: slice, precision: Array, right: Array) -> None:
         """Add to the block of some parameters (slice of the m) of photo ``i``."""
-        at = self._columns(i, which)
-        self.photo_precision[at, at] += precision
-        self.photo_right[at] += right
+        self.photo_precision[i, which, which] += precision
+        self.photo_right[i, which] += right
 
-    def add_coupling(self, i: int, which: slice, coupling: Array) -> None:
-        """Add between the displacement and some parameters of a photo, (M*N, m')."""
-        self.coupling[:, self._columns(i, which)] += coupling
-
-    def _columns(self, i: int, which: slice) -> slice:
-        m = len(self.photo_right) // len(self.state.cameras)
-        first, last, _ = which.indices(m)
-        return slice(i * m + first, i * m + last)
+    def add_coupling(self, i: int, coupling: Array) -> None:
+        """Add between the displacement and the camera of photo ``i``, (M*N, 7)."""
+        self.coupling[:, i] += coupling
 
     def solve(self) -> Step:
-        """The step: sparse for the displacement, dense for modes and photos."""
-        f, k = self._factors, len(self.state.modes)
-        step = cho_solve(f.schur, f.right - f.Y.T @ f.y)
-        smooth = f.displacement.other_half((f.y - f.Y @ step)[:, None])[:, 0]
-        photos = step[k:].reshape(len(self.state.cameras), -1)
-        return Step(smooth, step[:k], photos)
+        """The step.
+
+        Raises
+        ------
+        ReconstructionError
+            The conjugate gradients do not converge.
+        """
+        state, shape = self.state, self.shape
+        top = shape.right(self.right, state)
+        right = self.photo_right - self._to_photos(shape.solve(*top))
+        whiten, coarse = self._whitening, self._coarse
+        size = right.size
+
+        def multiply(y: Array) -> Array:
+            z = _apply(whiten.transpose(0, 2, 1), y.reshape(right.shape))
+            return _apply(whiten, self._schur(z)).ravel()
+
+        y, failed = cg(
+            LinearOperator((size, size), multiply, dtype=float),
+            _apply(whiten, right).ravel(),
+            rtol=TOLERANCE,
+            maxiter=MOST_STEPS,
+            M=LinearOperator((size, size), coarse.precondition, dtype=float),
+        )
+        if failed:
+            raise ReconstructionError(
+                "Light and shape could not be measured together; leave out photos "
+                'that hardly show the face, or use the method "motion".'
+            )
+        z = _apply(whiten.transpose(0, 2, 1), y.reshape(right.shape))
+        force = self._to_shape(z)
+        smooth, modes = shape.solve(top[0] - force, top[1] - shape.D.T @ force)
+        return Step(smooth, modes, z)
 
     def deviation(self) -> Array:
-        """Standard deviation of the displacement of each control point, ``(M*N,)``.
+        """Standard deviation of the displacement of each control point, ``(M*N,)``."""
+        return displacement_deviation(self)
 
-        The root of the diagonal of ``[I D] H^-1 [I D]^T`` for the bordered matrix.
-        """
-        f, D = self._factors, self.state.model.D
-        Z = f.displacement.other_half(f.Y)
-        Z[:, : D.shape[1]] -= D
-        inner = f.displacement.inverse_diagonal()
-        outer = (Z * cho_solve(f.schur, Z.T).T).sum(1)
-        return np.sqrt(np.maximum(inner + outer, 0.0))
+    @property
+    def intensities(self) -> Border:
+        """The border; every system that is solved has one."""
+        if self.border is None:
+            raise ValueError("a system without intensities has no unique solution")
+        return self.border
 
     @cached_property
-    def _factors(self) -> _Factors:
-        state, model = self.state, self.state.model
-        D, k = model.D, len(state.modes)
-        S = sum(self.precision[1:], self.precision[0])
-        SD = S @ D
-        border = np.concatenate([SD, self.coupling], 1)
-        DB = D.T @ self.coupling
-        corner = np.block([[D.T @ SD + np.eye(k), DB], [DB.T, self.photo_precision]])
-        # the prior holds the whole displacement from the template, so what the
-        # reference already has counts too
-        modes = D.T @ self.right - (state.modes + model.modes)
-        top = self.right - model.prior.smooth @ (state.smooth + model.smooth)
-        factor = block_cholesky(
-            sparse.csr_array(S + model.prior.smooth), model.reference.shape
+    def shape(self) -> ShapeBlock:
+        """Displacement and modes for known photos."""
+        return ShapeBlock(
+            self.intensities.displacement_precision(), self.precision, self.state.model
         )
-        # border^T (S + smooth)^-1 border is the square of half a solution
-        Y = factor.half(np.concatenate([border, top[:, None]], 1))
-        y, Y = Y[:, -1], Y[:, :-1]
-        schur = cho_factor(corner - gram(Y))
-        right = np.concatenate([modes, self.photo_right])
-        return _Factors(factor, Y, y, schur, right)
+
+    @cached_property
+    def _whitening(self) -> Array:
+        """``L_i^-1`` of the Cholesky factor of each photo's block, (n, m, m)."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.own)), float)
+
+    @cached_property
+    def own(self) -> Array:
+        """Block of each photo for a known albedo, ``(n, m, m)``."""
+        return self.intensities.photo_blocks + self.photo_precision
+
+    @cached_property
+    def _coarse(self) -> CoarseSpace:
+        return coarse_space(self.intensities, self.photo_precision, self._whitening)
+
+    def _schur(self, z: Array) -> Array:
+        """Product with the Schur complement of the photos, ``(n, m)``."""
+        border = self.intensities
+        sums = border.sums(z)
+        force = border.to_shape(sums) + self._cameras_to_shape(z)
+        smooth, modes = self.shape.solve(force, self.shape.D.T @ force)
+        moved = smooth + self.shape.D @ modes
+        out = _apply(self.own, z) - border.to_photos(moved, sums[3])
+        out[:, :PARAMETERS] -= self._shape_to_cameras(moved)
+        return out
+
+    def _to_shape(self, z: Array) -> Array:
+        """Coupling of the photos with the displacement, ``(M*N,)``."""
+        border = self.intensities
+        return border.to_shape(border.sums(z)) + self._cameras_to_shape(z)
+
+    def _to_photos(self, step: tuple[Array, Array]) -> Array:
+        """Coupling of displacement and modes with the photos, ``(n, m)``."""
+        moved = step[0] + self.shape.D @ step[1]
+        out = self.intensities.to_photos(moved)
+        out[:, :PARAMETERS] += self._shape_to_cameras(moved)
+        return out
+
+    def _cameras_to_shape(self, z: Array) -> Array:
+        cameras = np.ascontiguousarray(z[:, :PARAMETERS])
+        return self.coupling.reshape(len(self.right), -1) @ cameras.ravel()
+
+    def _shape_to_cameras(self, moved: Array) -> Array:
+        pull = moved @ self.coupling.reshape(len(moved), -1)
+        return pull.reshape(-1, PARAMETERS)
 
 
-class _Factors(NamedTuple):
-    """Of the bordered matrix; ``Y, y`` are half solutions of border and right side."""
-
-    displacement: BlockCholesky
-    Y: Array
-    y: Array
-    schur: tuple[Array, bool]
-    right: Array
+def _apply(blocks: Array, z: Array) -> Array:
+    """Products of matrices (n, m, m) with vectors (n, m)."""
+    return np.matmul(blocks, z[..., None])[..., 0]
 
 
 def assemble(
@@ -144,34 +208,11 @@ def assemble(
     terms : iterable of Term
     """
     system = BorderedSystem(state)
-    T, c, W, s = rows.samples.T, rows.by_displacement, rows.precision, rows.shading
-    n, p, _ = c.shape
-    Ws = W * s
-    den = np.maximum((Ws * s).sum(0), 1e-9) + rows.albedo_precision
-    r = rows.residual - s * ((Ws * rows.residual).sum(0) / den)
-    Wc = W[..., None] * c
-    cs = np.einsum("ip,ipa->pa", Ws, c)
-    share = cs / den[:, None]
-    A = np.einsum("ipa,ipb->pab", Wc, c) - cs[:, :, None] * share[:, None, :]
-    right = -np.einsum("ipa,ip->pa", Wc, r)
-    upright = [sparse.csr_array(t.T) for t in T]
-    for a in range(3):
-        for b in range(3):
-            system.precision.append(upright[a] @ sparse.diags_array(A[:, a, b]) @ T[b])
-        system.right += upright[a] @ right[:, a]
-    m = len(system.photo_right) // n
-    G = np.empty((p, n * m))
-    root = np.sqrt(den)
-    # photo by photo: what one photo needs stays in the processor's cache
-    for i in range(n):
-        h = rows.by_photo(i)
-        G[:, i * m : (i + 1) * m] = (Ws[i] / root)[:, None] * h
-        mixed = Wc[i] - share * Ws[i][:, None]
-        coupled = [t @ (mixed[:, a, None] * h) for a, t in enumerate(upright)]
-        system.add_coupling(i, slice(None), np.sum(coupled, axis=0))
-        Wh = W[i][:, None] * h
-        system.add_photo(i, slice(None), Wh.T @ h, -(Wh.T @ r[i]))
-    system.photo_precision -= gram(G)
+    border = Border(rows)
+    system.border = border
+    right, photo_right = border.right()
+    system.right += right
+    system.photo_right += photo_right
     for term in terms:
         term.add_to(system)
     return system

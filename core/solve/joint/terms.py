@@ -61,7 +61,7 @@ class LandmarkTerm:
             total += w * (J**2).sum(1)
             right += w * (J * r).sum(1)
             both = w[:, None] * np.einsum("lx,lxa->la", J, C)
-            system.add_coupling(i, CAMERA, upright @ both)
+            system.add_coupling(i, upright @ both)
             system.add_photo(
                 i,
                 CAMERA,
