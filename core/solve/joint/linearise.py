@@ -23,6 +23,7 @@ from ...camera.camera import PARAMETERS, Camera
 from ...images.photo import Photo
 from ...photometry.lighting import estimate_lighting
 from ...photometry.sampling import view_weights
+from ...photometry.skin import SkinMask
 from .samples import Geometry, Samples
 from .state import State
 
@@ -167,6 +168,7 @@ def read_photos(
     state: State,
     photo_weights: Array,
     grazing: float,
+    skin: Sequence[SkinMask] = (),
 ) -> Readings:
     """Intensities at the samples, and how they change with the geometry.
 
@@ -179,6 +181,8 @@ def read_photos(
         How much each photo counts.
     grazing : float
         Cosine of the viewing angle below which nothing is read.
+    skin : sequence of n, optional
+        What of each photo is skin; by default all of it.
     """
     model, cameras = state.model, state.cameras
     n = len(cameras)
@@ -196,6 +200,8 @@ def read_photos(
         pixels, J, C = camera.jacobians(X[i])
         v, g, inside = picture.read(pixels)
         view[i] *= inside
+        if skin:
+            view[i] *= skin[i].read(pixels)
         visible = view[i] > 0
         scale = np.median(v[visible, 0]) if visible.any() else 1.0
         scale = max(float(scale), 1e-3)

@@ -11,6 +11,7 @@ from ..._types import Array
 from ...photometry import harmonics
 from ...photometry.lighting import PhotometricEvidence, light_diversity
 from ...photometry.sampling import smooth_photo
+from ...photometry.skin import skin_masks
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from .linearise import PictureReader, ShadingSolver
@@ -84,6 +85,13 @@ def joint(
         terms,
         parts.reader,
         parts.shading,
+        skin_masks(
+            problem.photos,
+            model.faces(estimate.surface),
+            estimate.cameras,
+            problem.template,
+            check_cancelled,
+        ),
     )
     uv = problem.landmarks.uv
     offset = estimate.landmarks_xyz - estimate.surface.evaluate(*uv.T)

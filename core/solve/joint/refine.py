@@ -17,6 +17,7 @@ import numpy as np
 from ..._types import Array
 from ...images.photo import Photo
 from ...photometry.sampling import smooth_photo
+from ...photometry.skin import SkinMask
 from ...progress import CheckCancelled
 from .linearise import (
     Linearisation,
@@ -50,6 +51,8 @@ class Refinement:
         Smooths a photo.
     shading : callable or None
         Estimates light and albedo; None = `RobustShading` of the options.
+    skin : sequence of n SkinMask
+        What of each photo is skin; empty = all of it.
     """
 
     photos: Sequence[Photo]
@@ -58,6 +61,7 @@ class Refinement:
     terms: Sequence[Term]
     reader: PictureReader = smooth_photo
     shading: ShadingSolver | None = None
+    skin: Sequence[SkinMask] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +130,12 @@ def refine(
         for turn in range(1, level.iterations + 1):
             check_cancelled()
             seen = read_photos(
-                pictures, samples, state, work.photo_weights, options.grazing
+                pictures,
+                samples,
+                state,
+                work.photo_weights,
+                options.grazing,
+                work.skin,
             )
             check_cancelled()
             shading = solve_shading(seen, samples, state)
