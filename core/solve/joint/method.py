@@ -11,7 +11,7 @@ from ..._types import Array
 from ...photometry import harmonics
 from ...photometry.lighting import PhotometricEvidence, light_diversity
 from ...photometry.sampling import smooth_photo
-from ...photometry.skin import skin_masks
+from ...photometry.skin import SkinMask, skin_masks
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from .linearise import PictureReader, ShadingSolver
@@ -42,12 +42,15 @@ class JointParts:
         Estimates light and albedo; None = `RobustShading`.
     terms : sequence of Term
         Added to those of the problem.
+    skin : sequence of n SkinMask, or None
+        What of each photo is skin; empty = all of it, None = `skin_masks`.
     """
 
     options: JointOptions | None = None
     reader: PictureReader = smooth_photo
     shading: ShadingSolver | None = None
     terms: Sequence[Term] = ()
+    skin: Sequence[SkinMask] | None = None
 
 
 def joint(
@@ -78,6 +81,12 @@ def joint(
     options = parts.options or JointOptions.from_settings(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
+    skin = parts.skin
+    if skin is None:
+        faces = model.faces(estimate.surface)
+        skin = skin_masks(
+            problem.photos, faces, estimate.cameras, problem.template, check_cancelled
+        )
     work = Refinement(
         problem.photos,
         estimate.photo_weights,
@@ -85,13 +94,7 @@ def joint(
         terms,
         parts.reader,
         parts.shading,
-        skin_masks(
-            problem.photos,
-            model.faces(estimate.surface),
-            estimate.cameras,
-            problem.template,
-            check_cancelled,
-        ),
+        skin,
     )
     uv = problem.landmarks.uv
     offset = estimate.landmarks_xyz - estimate.surface.evaluate(*uv.T)
