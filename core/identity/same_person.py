@@ -30,7 +30,7 @@ OUTLIER, OUTLIER_EXCESS = 0.55, 0.20
 DOUBT, DOUBT_EXCESS = 0.50, 0.15
 # With few photos the median says little: as many more of a usual person are counted in,
 # and an outlier must be further away, by so much over the number of photos.
-USUAL, USUAL_COUNT, FEW = 0.41, 2, 0.15
+USUAL, USUAL_COUNT, FEW = 0.41, 2, 0.25
 # More room for faces that are turned far (from 30 to 60 degrees) or unsure landmarks.
 TURNED, TURNED_FROM, TURNED_TO = 0.06, 30.0, 60.0
 UNSURE, UNSURE_SCORE = 0.06, 0.1
