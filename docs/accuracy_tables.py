@@ -229,6 +229,21 @@ def identity(rows: list[Row]) -> str:
     return markdown(rows, labels, columns)
 
 
+def choice(rows: list[Row]) -> str:
+    """What becomes of the photos of whole folders: a row per folder."""
+    columns = (
+        ("several", "several faces", ".0f"),
+        ("shown", "shown", ".0f"),
+        ("right", "right", ".0f"),
+        ("doubted", "doubted", ".0f"),
+        ("left_out", "left out", ".0f"),
+        ("others", "others", ".0f"),
+        ("silent", "silent", ".0f"),
+    )
+    named = [row | {"person": f"web folder {k}"} for k, row in enumerate(rows, 1)]
+    return markdown(named, [("person", "person")], columns)
+
+
 def reprojection(rows: list[Row]) -> str:
     """A row a person: medians against detected and against true landmarks."""
     columns = (
@@ -252,6 +267,7 @@ TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "held-out": ("real_photos/held_out.csv", held_out),
     "reprojection": ("reprojection/reprojection.csv", reprojection),
     "identity": ("identity/identity.csv", identity),
+    "choice": ("identity/choice.csv", choice),
 }
 
 

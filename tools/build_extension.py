@@ -119,7 +119,7 @@ def wheels(target: Target, cache: Path | None = None) -> tuple[Path, ...]:
 
 def stage(target: Target, folder: Path) -> None:
     """Put everything that belongs into the zip of a target into a folder."""
-    ignore = shutil.ignore_patterns("__pycache__", "*.pyc", ".*", "*.tflite")
+    ignore = shutil.ignore_patterns("__pycache__", "*.pyc", ".*", "*.tflite", "*.dat")
     for name in CONTENT:
         source = ROOT / name
         if source.is_dir():

@@ -14,7 +14,6 @@ offset that follow each convolution are multiplied into it.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReconstructionError
+from ..landmarks.face_models import damaged
 
 Weights = NDArray[np.float32]
 
@@ -70,11 +70,8 @@ class FaceNetwork:
     def __init__(self, path: Path) -> None:
         try:
             convolutions, last = read_weights(path.read_bytes())
-        except (OSError, ValueError, struct.error) as error:
-            raise ReconstructionError(
-                f"{path} is damaged or is not the expected model file ({error}); "
-                "remove it and fetch it again by `bsface models fetch`."
-            ) from None
+        except (OSError, ValueError):
+            raise ReconstructionError(damaged(path)) from None
         model = np.frombuffer(onnx_model(convolutions, last), np.uint8)
         self._net = cv2.dnn.readNetFromONNX(model)
 

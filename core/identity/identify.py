@@ -86,22 +86,15 @@ def identify(
             told = f"Whether all photos show one person was not checked. {error}"
             return _usable(chosen), (told,)
         describe = partial(describe_face, network=network)
-    faces, rows = [], []
-    for i, found in photos:
-        for face in found:
-            check_cancelled()
-            descriptor = describe(face.photo, face.found or face.landmarks)
-            if descriptor is not None:
-                faces.append((i, face))
-                rows.append(descriptor)
+    faces, distance = _compared(photos, describe, check_cancelled)
     if not faces:
         return _usable(chosen), ()
-    distance = cdist(rows, rows)
     _, photo = np.unique([i for i, _ in faces], return_inverse=True)
     choice = choose(photo, distance, np.array([_size(face) for _, face in faces]))
+    found = dict(photos)
     for k in choice.faces:
         i, face = faces[k]
-        chosen[i] = _noted(face, _faces_of(outcome[i]), len(choice.faces) > 1)
+        chosen[i] = _noted(face, found[i], len(choice.faces) > 1)
     warnings = _of_two_people(choice, [face.photo.name for _, face in faces])
     chosen = _usable(chosen)
     if one_person:
@@ -116,8 +109,21 @@ def identify(
     return chosen, warnings
 
 
-def _faces_of(found: tuple[Candidate, ...] | PhotoFailure) -> tuple[Candidate, ...]:
-    return () if isinstance(found, PhotoFailure) else found
+def _compared(
+    photos: Sequence[tuple[int, tuple[Candidate, ...]]],
+    describe: Describe,
+    check_cancelled: CheckCancelled,
+) -> tuple[list[tuple[int, Candidate]], Array]:
+    """All faces that can be described, with their photos' numbers; the distances."""
+    faces, rows = [], []
+    for i, found in photos:
+        for face in found:
+            check_cancelled()
+            descriptor = describe(face.photo, face.found or face.landmarks)
+            if descriptor is not None:
+                faces.append((i, face))
+                rows.append(descriptor)
+    return faces, cdist(rows, rows) if faces else np.zeros((0, 0))
 
 
 def _usable(chosen: Chosen) -> Chosen:

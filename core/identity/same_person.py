@@ -25,12 +25,12 @@ LINK = 0.58
 APART = 0.65  # between two photos of one person it is rarely more
 # Mean distance to the person's photos above which a photo shows somebody else, or may:
 # at least, and relative to the median of the person's own photos.
-# `benchmarks/strangers.py` prints how often these limits err.
+# `benchmarks/identity.py` prints how often these limits err.
 OUTLIER, OUTLIER_EXCESS = 0.55, 0.20
 DOUBT, DOUBT_EXCESS = 0.50, 0.15
 # With few photos the median says little: as many more of a usual person are counted in,
 # and an outlier must be further away, by so much over the number of photos.
-USUAL, USUAL_COUNT, FEW = 0.41, 2, 0.15
+USUAL, USUAL_COUNT, FEW = 0.41, 2, 0.25
 # More room for faces that are turned far (from 30 to 60 degrees) or unsure landmarks.
 TURNED, TURNED_FROM, TURNED_TO = 0.06, 30.0, 60.0
 UNSURE, UNSURE_SCORE = 0.06, 0.1

@@ -115,7 +115,7 @@ def load_network(path: Path, outputs: Mapping[str, int], side: int) -> cv2.dnn.N
             why_not_loaded(path, error, cv2.__version__)
         ) from None
     if sizes != list(outputs.values()):
-        raise ReconstructionError(_damaged(path))
+        raise ReconstructionError(damaged(path))
     return net
 
 
@@ -142,10 +142,11 @@ def why_not_loaded(path: Path, error: Exception, version: str) -> str:
             "compiled without FlatBuffers; install the package opencv-python-headless "
             "in its place."
         )
-    return _damaged(path)
+    return damaged(path)
 
 
-def _damaged(path: Path) -> str:
+def damaged(path: Path) -> str:
+    """What to do with a model file that is not what it should be, in one sentence."""
     return (
         f"{path} is damaged or is not the expected model file; remove it and fetch it "
         "again by `bsface models fetch` (the extension's zip brings it)."

@@ -147,7 +147,7 @@ def crowd(photos, seed=0):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_person_is_chosen_among_others(seed):
-    """A partner in five photos, strangers who are larger: never the person."""
+    """A partner in five photos, others who are larger: never the person."""
     photos = [[0]] * 6 + [[0, 1]] * 5 + [[0, -1, -1]] * 8
     photo, distance, who = crowd(photos, seed)
     size = np.where(who == 0, 0.1, 0.3)
