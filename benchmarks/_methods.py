@@ -18,7 +18,7 @@ from bsface.problem import PhotoCollection
 from bsface.reconstruct import solve
 from bsface.result import Reconstruction
 from bsface.settings import Settings
-from bsface.solve.paper.methods import sample_photos
+from bsface.solve.paper.as_printed import sample_photos
 from bsface.surface.template import Template
 
 #: Name -> words for the page. "default" is what a user gets who chooses nothing.

@@ -23,7 +23,8 @@ from .solve.constraint import hold
 from .solve.expression import select_neutral
 from .solve.joint.method import joint
 from .solve.motion import motion
-from .solve.paper.methods import imls, paper
+from .solve.paper.as_printed import paper
+from .solve.paper.imls import imls
 from .threads import one_blas_thread
 
 logger = logging.getLogger(__name__)
@@ -115,7 +116,7 @@ def solve(problem: Problem, clock: Clock | None = None) -> Reconstruction:
     clock.tell("motion", 1, 1, "poses and landmarks estimated")
     clock.lap("motion")
     name = problem.settings.method
-    if name == "joint" and len(problem.photos) < FEWEST_FOR_SHADING:
+    if name in ("joint", "imls") and len(problem.photos) < FEWEST_FOR_SHADING:
         name = "motion"
     estimate = constrained(problem, select_neutral(problem, estimate))
     clock.tell("refine", 0, 1, "measuring light and shape")

@@ -10,7 +10,7 @@ from bsface.landmarks.observations import observe_landmarks
 from bsface.prepare import collect_photos
 from bsface.solve.joint.samples import sample_grid
 from bsface.solve.paper.algorithm1 import Limits, algorithm1, paper_steps
-from bsface.solve.paper.methods import sample_photos
+from bsface.solve.paper.as_printed import sample_photos
 from bsface.solve.paper.shading import ShadingParameters
 
 

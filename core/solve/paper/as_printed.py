@@ -1,4 +1,4 @@
-"""Algorithm 1 on photos: as printed ("paper") or with robust ingredients ("imls")."""
+"""Algorithm 1 on photos as printed: the method "paper"."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ...progress import CheckCancelled, never_cancelled
 from ...surface.bspline import BSplineSurface
 from ..joint.samples import sample_grid
 from .algorithm1 import Cameras, Limits, State, Steps, algorithm1, paper_steps
-from .shading import NormalField, ShadingParameters
+from .shading import ShadingParameters
 
 BLUR_MM = 1.5
 GRID = 55
@@ -39,33 +39,18 @@ def paper(
     ReconstructionError
         When no photo can be posed or a linear system has no solution.
     """
-    return _run(problem, estimate, _steps(problem, check_cancelled), check_cancelled)
-
-
-def imls(
-    problem: Problem, estimate: FaceEstimate, check_cancelled: CheckCancelled
-) -> Iterator[Iteration]:
-    """As `paper`, with robust photometric stereo in place of the factorisation."""
-    settings = problem.settings
+    steps = _steps(problem, check_cancelled)
+    limits = Limits(outer=problem.settings.outer_passes)
+    template = problem.template.surface
     uv = sample_grid(problem.template, GRID)
-
-    def photometric(
-        surface: BSplineSurface, template: BSplineSurface, cameras: Cameras
-    ) -> NormalField:
-        M, view = sample_photos(problem.photos, surface, cameras, uv, check_cancelled)
-        normals, _, _, W = robust_normals(
-            M,
-            view,
-            surface.normals(*uv.T),
-            order=4 if settings.light_degree == 1 else 9,
-            noise=settings.intensity_noise,
-            check_cancelled=check_cancelled,
+    for state in algorithm1(template, uv, steps, limits):
+        now = _estimate(problem, estimate, state)
+        if state.finished:
+            evidence = _evidence(problem, state, uv, check_cancelled)
+            now = replace(now, photometric=evidence)
+        yield Iteration(
+            state.stage, now, state.residual, state.change_mm, *limits.progress(state)
         )
-        total = W.sum(0)
-        return NormalField(normals, total / max(float(np.median(total)), 1e-9))
-
-    steps = replace(_steps(problem, check_cancelled), photometric=photometric)
-    return _run(problem, estimate, steps, check_cancelled)
 
 
 def sample_photos(
@@ -110,25 +95,6 @@ def _steps(problem: Problem, check_cancelled: CheckCancelled) -> Steps:
         zeta=problem.settings.zeta,
         shading=ShadingParameters(lam=problem.settings.lam),
     )
-
-
-def _run(
-    problem: Problem,
-    estimate: FaceEstimate,
-    steps: Steps,
-    check_cancelled: CheckCancelled,
-) -> Iterator[Iteration]:
-    limits = Limits(outer=problem.settings.outer_passes)
-    template = problem.template.surface
-    uv = sample_grid(problem.template, GRID)
-    for state in algorithm1(template, uv, steps, limits):
-        now = _estimate(problem, estimate, state)
-        if state.finished:
-            evidence = _evidence(problem, state, uv, check_cancelled)
-            now = replace(now, photometric=evidence)
-        yield Iteration(
-            state.stage, now, state.residual, state.change_mm, *limits.progress(state)
-        )
 
 
 def _estimate(problem: Problem, start: FaceEstimate, state: State) -> FaceEstimate:
