@@ -41,6 +41,9 @@ from .motion import estimate_poses, warp
 from .photometric import RANK, photometric_svd
 from .shading import NormalField, NormalRows, ShadingParameters, shading_step
 
+#: Weight of the normal of ``b_t`` where photos do not tell another.
+KEPT = 0.1
+
 Cameras = tuple[Camera | PhotoFailure, ...]
 Figures = Mapping[str, float]
 
@@ -199,7 +202,7 @@ def algorithm1(
         for inner in range(1, limits.shading + 1):
             normals = steps.photometric(surface(b0), surface(bt), cameras)
             old = b0
-            with _singular_told():
+            with singular_reported():
                 b0, figures = steps.shading(b0, normals, bt)
             change = moved(b0, old)
             done = change < limits.shading_mm
@@ -220,7 +223,7 @@ def algorithm1(
         for inner in range(1, limits.motion + 1):
             cameras = _posed(steps.poses(bt))
             old = bt
-            with _singular_told():
+            with singular_reported():
                 b, figures = steps.warp(b0, cameras)
             bt = b
             change = moved(bt, old)
@@ -265,6 +268,7 @@ def paper_steps(
     shading: ShadingParameters | None = None,
     tolerance: float = 0.15,
     ambiguity: str = "template",
+    kept: Array | None = None,
 ) -> Steps:
     """The steps as the paper describes them.
 
@@ -288,6 +292,10 @@ def paper_steps(
         Whose normals are ``S^t``: those of ``b_t`` as in section 2.2.1, or those of
         ``b_0`` as in Algorithm 1, where each error of the normals becomes the next
         reference.
+    kept : (k, 2) array, optional
+        Points that no photo tells of (eyes, mouth, the rim): like points of which
+        fewer than four photos tell they keep the normal of ``b_t``, with the weight
+        `KEPT`. The text has no equation for the control points there.
 
     Returns
     -------
@@ -299,7 +307,8 @@ def paper_steps(
             f"ambiguity must be 'template' or 'current', got {ambiguity!r}"
         )
     uv = np.asarray(uv, float)
-    rows = NormalRows.at(shape, uv)
+    kept = np.zeros((0, 2)) if kept is None else np.asarray(kept, float)
+    rows = NormalRows.at(shape, np.concatenate([uv, kept]))
 
     def photometric(
         surface: BSplineSurface, template: BSplineSurface, cameras: Cameras
@@ -309,9 +318,13 @@ def paper_steps(
         result = photometric_svd(
             M, weights, reference.normals(*uv.T), tolerance=tolerance
         )
-        # Where fewer than four photos decide, there is only the template's normal.
         known = result.chosen.sum(0) >= RANK
-        return NormalField(result.normals, known.astype(float))
+        own = template.normals(*uv.T)
+        h = np.where(known[:, None], result.normals, own)
+        return NormalField(
+            np.concatenate([h, template.normals(*kept.T)]),
+            np.concatenate([np.where(known, 1.0, KEPT), np.full(len(kept), KEPT)]),
+        )
 
     return Steps(
         poses=lambda b: estimate_poses(b, shape, landmarks),
@@ -329,7 +342,7 @@ def _posed(cameras: Sequence[Camera | PhotoFailure]) -> Cameras:
 
 
 @contextlib.contextmanager
-def _singular_told() -> Iterator[None]:
+def singular_reported() -> Iterator[None]:
     """A system without a solution, as a sentence."""
     try:
         yield

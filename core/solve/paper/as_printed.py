@@ -16,6 +16,7 @@ from ...photometry.sampling import smooth_photo, view_weights
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from ...surface.bspline import BSplineSurface
+from ...surface.template import Template
 from ..joint.samples import sample_grid
 from .algorithm1 import Cameras, Limits, State, Steps, algorithm1, paper_steps
 from .shading import ShadingParameters
@@ -94,7 +95,15 @@ def _steps(problem: Problem, check_cancelled: CheckCancelled) -> Steps:
         sample,
         zeta=problem.settings.zeta,
         shading=ShadingParameters(lam=problem.settings.lam),
+        kept=_unseen(problem.template),
     )
+
+
+def _unseen(template: Template) -> Array:
+    """The points of the grid that are no skin, ``(k, 2)``."""
+    x = (np.arange(GRID) + 0.5) / GRID
+    uv = np.stack(np.meshgrid(x, x, indexing="ij"), -1).reshape(-1, 2)
+    return uv[~template.is_skin(uv)]
 
 
 def _estimate(problem: Problem, start: FaceEstimate, state: State) -> FaceEstimate:

@@ -60,6 +60,7 @@ from ..joint.state import DisplacementModel, State, Step
 from ..joint.system import BorderedSystem, Term, assemble
 from ..joint.terms import LandmarkTerm, default_terms
 from ..landmark_term import facing_weight, landmark_rows
+from .algorithm1 import singular_reported
 
 #: Passes at each blur, from coarse to fine, in units of `Settings.outer_passes`.
 PASSES = (2, 2, 3)
@@ -231,15 +232,16 @@ def imls(
             pictures.append(parts.reader(photo, camera, level.blur_mm))
         for turn in range(1, level.iterations + 1):
             now = work.look(pictures, samples, state)
-            state, angle, size = shading_step(now, samples, options.max_step_mm)
+            with singular_reported():
+                state, angle, size = shading_step(now, samples, options.max_step_mm)
             done += 1
             found = _estimate(work, state)
             yield Iteration("shading", found, angle, size, done, total)
             now = work.look(pictures, samples, state)
-            system = motion_system(now, samples, terms)
-            state, size = _retract(
-                now.state, system.solve(), samples, options.max_step_mm
-            )
+            with singular_reported():
+                system = motion_system(now, samples, terms)
+                step = system.solve()
+            state, size = _retract(now.state, step, samples, options.max_step_mm)
             done += 1
             found = _estimate(work, state)
             if done == total:
