@@ -15,8 +15,8 @@ from bsface.photometry import harmonics
 from bsface.problem import FaceEstimate, PhotoCollection, Problem
 from bsface.progress import never_cancelled
 from bsface.settings import Settings
-from bsface.solve.joint.method import JointParts
 from bsface.solve.joint.options import JointOptions, Level
+from bsface.solve.joint.refine import JointParts
 from bsface.solve.joint.samples import contravariant, sample_grid
 from bsface.solve.joint.state import DisplacementModel
 from bsface.solve.paper.imls import ShapeSolver, SlopeField, imls, schedule

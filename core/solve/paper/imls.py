@@ -48,13 +48,12 @@ from ..joint.linearise import (
     Readings,
     RobustShading,
     Shading,
-    ShadingSolver,
     linearise,
     read_photos,
 )
-from ..joint.method import JointParts, photometric_evidence
+from ..joint.method import photometric_evidence
 from ..joint.options import JointOptions
-from ..joint.refine import JointIteration
+from ..joint.refine import JointIteration, JointParts
 from ..joint.samples import Samples, sample_surface
 from ..joint.state import DisplacementModel, State, Step
 from ..joint.system import BorderedSystem, Term, assemble
@@ -157,18 +156,21 @@ class _Work:
     estimate: FaceEstimate
     options: JointOptions
     terms: list[Term]
-    solve_shading: ShadingSolver
+    parts: JointParts
     check_cancelled: CheckCancelled
 
     def look(self, pictures: list[Picture], samples: Samples, state: State) -> Evidence:
         """Light and albedo for the face as it is, and the derivatives."""
         options = self.options
         self.check_cancelled()
-        seen = read_photos(
-            pictures, samples, state, self.estimate.photo_weights, options.grazing
+        view = self.parts.visibility(
+            state.model.faces(state.surface), state.cameras, samples.uv, options.grazing
         )
+        view = view * self.estimate.photo_weights[:, None]
+        seen = read_photos(pictures, samples, state, view)
         self.check_cancelled()
-        shading = self.solve_shading(seen, samples, state)
+        solve = self.parts.shading or RobustShading(options.noise, options.light_ridge)
+        shading = solve(seen, samples, state)
         state = replace(state, lights=shading.lights, albedo=shading.albedo)
         self.check_cancelled()
         confidence = options.independence / options.noise**2
@@ -219,8 +221,7 @@ def imls(
     options = parts.options or schedule(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    shading = parts.shading or RobustShading(options.noise, options.light_ridge)
-    work = _Work(problem, estimate, options, terms, shading, check_cancelled)
+    work = _Work(problem, estimate, options, terms, parts, check_cancelled)
     state = State.start(model, estimate.cameras)
     done, total = 0, 2 * sum(level.iterations for level in options.levels)
     for number, level in enumerate(options.levels):
