@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ..._types import Array
 from ...photometry import harmonics
 from ...photometry.lighting import PhotometricEvidence, light_diversity
-from ...photometry.skin import skin_masks
+from ...photometry.skin import SkinMask, skin_masks
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from .options import JointOptions
@@ -53,12 +53,7 @@ def joint(
     options = parts.options or JointOptions.from_settings(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    skin = parts.skin
-    if skin is None:
-        faces = model.faces(estimate.surface)
-        skin = skin_masks(
-            problem.photos, faces, estimate.cameras, problem.template, check_cancelled
-        )
+    skin = problem_skin(problem, estimate, model, parts, check_cancelled)
     work = Refinement(
         problem.photos, estimate.photo_weights, options, terms, parts, skin
     )
@@ -84,6 +79,22 @@ def joint(
                 deviation=_deviation(one, model),
             )
         yield Iteration("refine", found, one.residual, one.step_mm, done, sum(steps))
+
+
+def problem_skin(
+    problem: Problem,
+    estimate: FaceEstimate,
+    model: DisplacementModel,
+    parts: JointParts,
+    check_cancelled: CheckCancelled,
+) -> Sequence[SkinMask]:
+    """What of each photo is skin of this face, unless ``parts`` say so."""
+    if parts.skin is not None:
+        return parts.skin
+    faces = model.faces(estimate.surface)
+    return skin_masks(
+        problem.photos, faces, estimate.cameras, problem.template, check_cancelled
+    )
 
 
 def _deviation(last: JointIteration, model: DisplacementModel) -> Array:

@@ -28,7 +28,7 @@ Readings of the text
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -37,6 +37,7 @@ from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
 from ..._types import Array
+from ...photometry.skin import SkinMask
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from ...settings import Settings
@@ -157,6 +158,7 @@ class _Work:
     options: JointOptions
     terms: list[Term]
     parts: JointParts
+    skin: Sequence[SkinMask]
     check_cancelled: CheckCancelled
 
     def look(self, pictures: list[Picture], samples: Samples, state: State) -> Evidence:
@@ -167,7 +169,7 @@ class _Work:
             state.model.faces(state.surface), state.cameras, samples.uv, options.grazing
         )
         view = view * self.estimate.photo_weights[:, None]
-        seen = read_photos(pictures, samples, state, view)
+        seen = read_photos(pictures, samples, state, view, self.skin)
         self.check_cancelled()
         solve = self.parts.shading or RobustShading(options.noise, options.light_ridge)
         shading = solve(seen, samples, state)
@@ -221,7 +223,10 @@ def imls(
     options = parts.options or schedule(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    work = _Work(problem, estimate, options, terms, parts, check_cancelled)
+    skin = problem_skin(problem, estimate, model, parts, check_cancelled)
+    work = _Work(
+        problem, estimate, options, terms, parts, skin, check_cancelled=check_cancelled
+    )
     state = State.start(model, estimate.cameras)
     done, total = 0, 2 * sum(level.iterations for level in options.levels)
     for number, level in enumerate(options.levels):
@@ -278,10 +283,10 @@ def photometric_stereo(rows: Linearisation, readings: Readings) -> SlopeField:
     Ws = W * s
     energy = np.maximum((Ws * s).sum(0), 1e-9) + rows.albedo_precision
     r = rows.residual - s * ((Ws * rows.residual).sum(0) / energy)
-    cs = np.einsum("ip,ipa->pa", Ws, c)
-    A = np.einsum("ipa,ip,ipb->pab", c, W, c)
+    cs = np.einsum("ip,aip->pa", Ws, c)
+    A = np.einsum("aip,ip,bip->pab", c, W, c)
     A -= cs[:, :, None] * cs[:, None, :] / energy[:, None, None]
-    force = -np.einsum("ipa,ip,ip->pa", c[..., 1:], W, r)
+    force = -np.einsum("aip,ip,ip->pa", c[1:], W, r)
     g = np.stack([readings.geometry.g_u, readings.geometry.g_v], 2)
     metric = np.einsum("kpax,kpbx->pab", g, g) / len(g)
     precision = A[:, 1:, 1:] + metric / TURN**2
@@ -334,8 +339,10 @@ def motion_system(
     """Eq. 8 with the cameras: 0th order of intensities and landmarks, known normals."""
     rows = evidence.rows
     field = photometric_stereo(rows, evidence.readings)
-    along = rows.by_displacement * np.array([1.0, 0.0, 0.0])
-    motion = rows._replace(by_displacement=along, by_light=rows.by_light[..., :0])
+    along = rows.by_displacement * np.array([1.0, 0.0, 0.0])[:, None, None]
+    motion = rows._replace(
+        by_displacement=along, harmonics=rows.harmonics[..., :0]
+    )
     dark = replace(evidence.state, lights=evidence.state.lights[:, :0])
     return assemble(motion, dark, [*terms, NormalTerm(samples, field)])
 
