@@ -104,11 +104,12 @@ def estimate_lighting(
 
 
 def solve_lights(
-    values: Array, W: Array, Y: Array, albedo: Array, ridge: float
+    values: Array, W: Array, Y: Array, albedo: Array, ridge: float | Array
 ) -> Array:
     """The light of each photo for a known albedo, ``(n, k)``.
 
-    Arguments as in `estimate_lighting`, ``Y`` (n, p, k) and ``W`` the robust weights.
+    Arguments as in `estimate_lighting`, ``Y`` (n, p, k) and ``W`` the robust weights;
+    ``ridge`` may be one of each harmonic, (k,).
     """
     n, _, order = Y.shape
     lights = np.empty((n, order))
