@@ -626,7 +626,7 @@ def test_method_yields_estimates_of_the_face(template, prior):
     problem, begin = start(template, prior, plane(), views)
     raised = replace(begin, landmarks_xyz=begin.landmarks_xyz + (0, 0, 2.0))
     levels = (Level(3.0, 3, 8, 2, settled_mm=1e9), Level(2.0, 2, 9, 2))
-    parts = JointParts(JointOptions(levels), given(pictures))
+    parts = JointParts(JointOptions(levels), given(pictures), skin=())
     found = list(joint(problem, raised, never_cancelled, parts))
     assert [(one.stage, one.done, one.total) for one in found] == [
         ("refine", 1, 5),
@@ -653,7 +653,8 @@ def test_cancelled_between_the_parts_of_a_step(template, prior):
     """Each call may stop the run: photos, and seven parts of a step."""
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
     problem, begin = start(template, prior, plane(), views)
-    parts = JointParts(JointOptions((Level(3.0, 2, 8, 2),)), given(pictures))
+    options = JointOptions((Level(3.0, 2, 8, 2),))
+    parts = JointParts(options, given(pictures), skin=())
 
     class Stopped(Exception):
         pass

@@ -22,6 +22,7 @@ from ..._types import Array, Mask
 from ...camera.camera import PARAMETERS, Camera
 from ...images.photo import Photo
 from ...photometry.lighting import estimate_lighting
+from ...photometry.skin import SkinMask
 from ...surface.bspline import BSplineSurface
 from .samples import Geometry, Samples
 from .state import State
@@ -177,7 +178,11 @@ class Linearisation(NamedTuple):
 
 
 def read_photos(
-    pictures: Sequence[Picture], samples: Samples, state: State, view: Array
+    pictures: Sequence[Picture],
+    samples: Samples,
+    state: State,
+    view: Array,
+    skin: Sequence[SkinMask] = (),
 ) -> Readings:
     """Intensities at the samples, and how they change with the geometry.
 
@@ -188,6 +193,8 @@ def read_photos(
     state : State
     view : (n, p) array
         Weight by the viewing angle, 0 where a point cannot be seen.
+    skin : sequence of n, optional
+        What of each photo is skin; by default all of it.
     """
     model, cameras = state.model, state.cameras
     n = len(cameras)
@@ -201,6 +208,8 @@ def read_photos(
         pixels, J, C = camera.jacobians(X[i])
         v, g, inside = picture.read(pixels)
         view[i] *= inside
+        if skin:
+            view[i] *= skin[i].read(pixels)
         visible = view[i] > 0
         scale = np.median(v[visible, 0]) if visible.any() else 1.0
         scale = max(float(scale), 1e-3)

@@ -10,6 +10,7 @@ import numpy as np
 from ..._types import Array
 from ...photometry import harmonics
 from ...photometry.lighting import PhotometricEvidence, light_diversity
+from ...photometry.skin import skin_masks
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from .options import JointOptions
@@ -52,6 +53,15 @@ def joint(
     options = parts.options or JointOptions.from_settings(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
+    if parts.skin is None:
+        skin = skin_masks(
+            problem.photos,
+            model.faces(estimate.surface),
+            estimate.cameras,
+            problem.template,
+            check_cancelled,
+        )
+        parts = replace(parts, skin=skin)
     work = Refinement(problem.photos, estimate.photo_weights, options, terms, parts)
     uv = problem.landmarks.uv
     offset = estimate.landmarks_xyz - estimate.surface.evaluate(*uv.T)

@@ -17,6 +17,7 @@ import numpy as np
 from ..._types import Array
 from ...images.photo import Photo
 from ...photometry.sampling import smooth_photo, view_weights
+from ...photometry.skin import SkinMask
 from ...progress import CheckCancelled
 from .linearise import (
     Linearisation,
@@ -51,6 +52,8 @@ class JointParts:
         Estimates light and albedo; None = `RobustShading` of the options.
     terms : sequence of Term
         Added to those of the problem.
+    skin : sequence of n SkinMask, or None
+        What of each photo is skin; empty = all of it, None = `skin_masks`.
     """
 
     options: JointOptions | None = None
@@ -58,6 +61,7 @@ class JointParts:
     visibility: Visibility = view_weights
     shading: ShadingSolver | None = None
     terms: Sequence[Term] = ()
+    skin: Sequence[SkinMask] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +160,9 @@ def refine(
             )
             check_cancelled()
             view = view * work.photo_weights[:, None]
-            seen = read_photos(pictures, samples, state, view)
+            seen = read_photos(
+                pictures, samples, state, view, work.parts.skin or ()
+            )
             check_cancelled()
             shading = solve_shading(seen, samples, state)
             before = replace(state, lights=shading.lights, albedo=shading.albedo)
