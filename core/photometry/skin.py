@@ -32,7 +32,7 @@ from .sampling import smooth_photo, view_weights
 GRID = 48  #: samples on a side of the parameter square
 MIDDLE = 0.1  #: distance from the outline, in (u, v), at which the middle begins
 BLUR_MM = 1.5
-GRAZING = 0.2  #: cosine of the viewing angle below which nothing is read
+GRAZING = 0.2  #: cosine of the viewing angle below which the light is not fitted
 ROUNDS = 4
 LIGHT_ROUNDS = 5
 NOISE = 0.15  #: Cauchy scale of intensities, relative to the photo's median
@@ -163,8 +163,9 @@ def _colours(
 ) -> _Colours:
     uv = _samples(template)
     middle = _from_outline(template, uv) > MIDDLE
+    even = template.is_skin(uv)  # not eyes, nostrils, the gap between the lips
     one = len(faces) == 1
-    view = view_weights(faces[0] if one else faces, cameras, uv, GRAZING)
+    view = view_weights(faces[0] if one else faces, cameras, uv, 0.0)
     xy = np.zeros((*view.shape, 2))
     values = np.zeros((*view.shape, 3))
     exposure = np.ones((len(photos), 1, 3))
@@ -175,12 +176,13 @@ def _colours(
         found, _, inside = field.read(xy[i])
         view[i] *= inside
         values[i] = np.maximum(found, BLACK)
-        exposure[i] = _median(values[i], middle & (view[i] > 0), 1.0)
+        exposure[i] = _median(values[i], middle & even & (view[i] > GRAZING), 1.0)
     seen = view > 0
+    known = (view > GRAZING) & middle & even
     values /= exposure
     Y = np.stack([harmonics.basis(face.normals(*uv.T)) for face in faces])
     Y = np.broadcast_to(Y, (len(photos), *Y.shape[1:]))
-    skin = np.where(middle, 1.0, 0.0) * seen
+    skin = known.astype(float)
     albedo = np.ones(values.shape[1:])
     shading = np.zeros_like(values)
     spread = LEAST_SPREAD
@@ -193,15 +195,16 @@ def _colours(
         colour = np.log(values) - np.log(shading)
         for i in range(len(photos)):
             # White balance and exposure of the photo, so that its skin is at 0.
-            centre = _median(colour[i], middle & seen[i], 0.0)
+            centre = _median(colour[i], known[i], 0.0)
             shading[i] *= np.exp(centre)
             colour[i] -= centre
         colour = colour @ OPPONENT
-        known = colour[middle & seen]
-        if len(known):
-            spread = 1.4826 * np.median(np.abs(known), axis=0)
+        if known.any():
+            spread = 1.4826 * np.median(np.abs(colour[known]), axis=0)
             spread = np.maximum(spread, LEAST_SPREAD) * (SHADOWED, 1, 1)
-        skin = np.where(middle, 1.0, _likeness(colour, spread)) * seen
+        skin = np.where(middle, 1.0, _likeness(colour, spread)) * (
+            even & (view > GRAZING)
+        )
     return _Colours(middle, xy, seen, np.log(shading * exposure), spread)
 
 
@@ -271,10 +274,10 @@ def _mask(photo: Photo, camera: Camera, colours: _Colours, i: int) -> SkinMask:
 
 
 def _samples(template: Template) -> Array:
-    """Skin on a regular grid of (u, v), ``(p, 2)``."""
+    """The face on a regular grid of (u, v), ``(p, 2)``."""
     x = (np.arange(GRID) + 0.5) / GRID
     uv = np.stack(np.meshgrid(x, x, indexing="ij"), -1).reshape(-1, 2)
-    return uv[template.is_skin(uv)]
+    return uv[template.is_skin(uv) | template.inside(uv)]
 
 
 def _from_outline(template: Template, uv: Array) -> Array:

@@ -30,12 +30,15 @@ import numpy.typing as npt
 from ..drawing.pictures import write_png
 from ..errors import ReconstructionError
 from ..images.colour import to_picture
+from ..photometry.skin import skin_masks
 from ..progress import CheckCancelled
+from ..surface.bspline import BSplineSurface
 from .blend import (
     COARSE,
     choose_where_disagreeing,
     coarse_band,
     consensus,
+    explained,
     fill,
     fine_band,
     inner_part,
@@ -103,8 +106,8 @@ def bake_texture(
     ----------
     reconstruction : Reconstruction
     size : int, optional
-        Texels a side, 64 to 8192. By default 1024, 2048 or 4096: the first that holds
-        what the sharpest photos show.
+        Texels a side, 64 to 8192. By default 512, 1024, 2048 or 4096: the first that
+        holds what the sharpest photos show.
     progress : callable, optional
         Called with the fraction done.
 
@@ -134,6 +137,7 @@ def bake_texture(
     coarse = np.stack([_coarse_sample(s, v) for s, v in pairs])
     weight = np.stack([view.weight for view in views])
     weight *= _well_exposed(coarse)
+    weight *= _skin(reconstruction, faces, views, lambda: tell(0.17))
     tell(0.17)
     basis, front = light_maps(reconstruction.surface, COARSE)
     lights = _lights(basis, front, coarse, weight, lambda: tell(0.19))
@@ -146,6 +150,10 @@ def bake_texture(
     weight = weight * neutral[:, None, None]
     tell(0.24)
     base, agreement = consensus(coarse, weight, lambda: tell(0.24))
+    fit = explained(coarse, weight, base)
+    if fit.min() < 1:
+        weight = weight * fit[:, None, None]
+        base, agreement = consensus(coarse, weight, lambda: tell(0.25))
     tell(0.27)
     measured = measured_places(weight)
     counts = (weight > 0.15 * np.percentile(weight, 99)).sum(axis=0)
@@ -194,9 +202,9 @@ def bake_texture(
 
 
 def natural_size(views: list[View]) -> int:
-    """1024, 2048 or 4096 texels, after the resolution of the sharper photos."""
+    """512, 1024, 2048 or 4096 texels, after the resolution of the sharper photos."""
     best = float(np.percentile([view.resolution for view in views], 80))
-    return next((s for s in (1024, 2048) if best <= 1.1 * s), 4096)
+    return next((s for s in (512, 1024, 2048) if best <= 1.1 * s), 4096)
 
 
 def write_texture(
@@ -226,6 +234,31 @@ def _coarse_sample(source: Picture, view: View) -> Picture:
         blur = float(0.45 * np.sqrt(excess**2 - 1))
         source = np.asarray(cv2.GaussianBlur(source, (0, 0), blur), np.float32)
     return sample(source, view.xy)
+
+
+def _skin(
+    reconstruction: Any,
+    faces: list[BSplineSurface],
+    views: list[View],
+    check_cancelled: CheckCancelled,
+) -> Picture:
+    """How far each texel shows skin in each photo, ``(n, S, S)``."""
+    photos, cameras = reconstruction.photos, reconstruction.cameras
+    shared = all(face is faces[0] for face in faces)
+    masks = skin_masks(
+        photos,
+        faces[:1] if shared else faces,
+        cameras,
+        reconstruction.template,
+        check_cancelled,
+    )
+    found = np.empty((len(views), COARSE, COARSE), np.float32)
+    for i, (mask, photo, view) in enumerate(zip(masks, photos, views, strict=True)):
+        xy = photo.to_original(view.xy.reshape(-1, 2))
+        skin = mask.read(xy).reshape(COARSE, COARSE).astype(np.float32)
+        # A step back from hair, as from the rim of what is hidden.
+        found[i] = cv2.erode(skin, np.ones((7, 7), np.uint8))
+    return found
 
 
 def _well_exposed(colours: Picture) -> Picture:

@@ -24,6 +24,9 @@ _SEEN = 0.05
 # Relative spread between photos up to which they are averaged, from which on the best
 # is chosen, and the power that chooses.
 _AGREE, _DISAGREE, _POWER = 0.09, 0.18, 30.0
+# Least difference that counts as usual, and multiple of the usual one from which on a
+# photo is left out.
+_USUAL, _UNEXPLAINED = 0.05, 3.0
 _FINE = 1.5  # power of the weights in the fine band
 _EYES_END = 0.42  # v between eyes and mouth, at the nose
 
@@ -100,6 +103,24 @@ def _weighted_median(
         ordered = np.take_along_axis(part, order, axis=0)
         result[row] = np.take_along_axis(ordered, index, axis=0)[0]
     return result
+
+
+def explained(
+    delit: Picture, weight: Picture, base: Picture
+) -> npt.NDArray[np.float32]:
+    """How far each photo divided by its light is the skin that all show, ``(n,)``.
+
+    1 for a usual photo, falling to 0 for one whose colours no light explains: painted,
+    tinted in parts, or of somebody else.
+    """
+    level = np.maximum(base.mean(axis=2), 1e-4)
+    total = np.maximum(weight.sum(axis=(1, 2)), 1e-12)
+    misfit = np.empty(len(delit))
+    for i, picture in enumerate(delit):
+        away = np.minimum(np.abs(picture - base).mean(axis=2) / level, 1)
+        misfit[i] = (weight[i] * away).sum() / total[i]
+    usual = max(float(np.median(misfit)), _USUAL)
+    return np.clip(_UNEXPLAINED - misfit / usual, 0, 1).astype(np.float32)
 
 
 def choose_where_disagreeing(
@@ -197,8 +218,9 @@ def fine_band(
     for _ in range(3):
         check_cancelled()
         total = np.maximum(robust.sum(axis=0), 1e-12)[..., None]
-        mean = (robust[..., None] * stack).sum(axis=0) / total
-        square = ((stack - mean) ** 2).mean(axis=3)
+        mean = np.einsum("nrs,nrsc->rsc", robust, stack) / total
+        away = stack - mean
+        square = np.einsum("nrsc,nrsc->nrs", away, away) / 3
         spread = np.maximum(np.median(square, axis=0), 1e-6)
         robust = weights / (1 + square / (4 * spread))
     return mean

@@ -202,9 +202,12 @@ def resized(picture: np.ndarray, size: int, rows: slice | None = None) -> Pictur
     """
     old = picture.shape[0]
     at = (texel_centres(size) * old - 0.5).astype(np.float32)
-    rows = rows or slice(0, size)
-    padded = _extended(np.asarray(picture, np.float32))
-    x, y = np.meshgrid(at + 1, at[rows] + 1)
+    down = at[rows or slice(0, size)]
+    # Only the rows between which these lie.
+    first = int(np.clip(np.floor(down[0]), 0, max(old - 2, 0)))
+    last = int(np.clip(np.floor(down[-1]) + 1, first + 1, max(old - 1, 1)))
+    padded = _extended(np.asarray(picture[first : last + 1], np.float32))
+    x, y = np.meshgrid(at + 1, down - (first - 1))
     return np.asarray(cv2.remap(padded, x, y, cv2.INTER_LINEAR), np.float32)
 
 

@@ -13,6 +13,7 @@ from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
 from bsface.texture import bake as texture
 from bsface.texture import views as texture_views
+from bsface.texture.blend import explained
 from bsface.texture.light import PhotoLights, estimate_lights, light_maps
 from fake_face import (
     bare_reconstruction,
@@ -188,6 +189,17 @@ def test_an_occluder_in_some_photos_leaves_no_ghost(painted, baked):
     ghost = np.abs(naive[0] - naive[1])[place].mean(axis=1)
     assert change.mean() < 0.35 * ghost.mean()
     assert np.percentile(change, 99) < 0.5 * np.percentile(ghost, 99)
+
+
+def test_a_photo_whose_colours_no_light_explains_does_not_count():
+    rng = np.random.default_rng(0)
+    base = rng.uniform(0.2, 0.8, (32, 32, 3)).astype(np.float32)
+    delit = base * rng.normal(1, 0.05, (7, 32, 32, 1)).astype(np.float32)
+    delit[3, 8:] = delit[3, 8:, :, ::-1] * (0.3, 1.8, 0.4)
+    weight = rng.uniform(0.1, 1, (7, 32, 32)).astype(np.float32)
+    found = explained(delit, weight, base)
+    assert found[3] == 0
+    assert (np.delete(found, 3) == 1).all()
 
 
 def test_exposure_and_colour_cast_of_a_photo_leave_no_seam(painted, baked):
