@@ -10,9 +10,12 @@
 in the Wild, 35 photos each, 150 pixels).  Three questions, written into ``--out``:
 
 halves    Faces from two disjoint halves of a person's photos: how far apart are they,
-          against faces of different people?  A similarity aligns corresponding points;
-          the same region for all.  Rows: the surface (distance to the closest point,
-          whole face), its 468 landmark points, the mean MediaPipe mesh (468 points).
+          against faces of different people?  Means over several random splits
+          (``--splits``), one line per person, and ``halves_map.png``: where on the
+          face the halves differ (row 0 = forehead, white = 5 % of the eye distance).
+          A similarity aligns corresponding points; the same region for all.  Rows: the
+          surface (distance to the closest point, whole face), its 468 landmark points,
+          the mean MediaPipe mesh (468 points).
 held-out  Landmarks of the other half, with nothing but the pose fitted: distance in %
           of the eye distance, for the face, the template and the mean MediaPipe mesh.
 views     Faces from all photos: three views, in clay and with the mean texture.
@@ -23,12 +26,14 @@ from __future__ import annotations
 import argparse
 import logging
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from _compare import (
+    area_weights,
     face_parameters,
     held_out_residual,
     landmark_points,
@@ -41,7 +46,7 @@ from _meshes import photo_meshes, procrustes_mean, scaled_to_eyes
 from _methods import changed_settings
 from _sets import ROOT
 from _table import text_table, write_csv
-from bsface.drawing.pictures import encode_jpeg
+from bsface.drawing.pictures import encode_jpeg, write_png
 from bsface.drawing.render import render_views
 from bsface.errors import ReconstructionError
 from bsface.files import write_bytes
@@ -50,11 +55,14 @@ from bsface.prepare import collect_photos, make_problem
 from bsface.problem import PhotoCollection
 from bsface.reconstruct import solve
 from bsface.settings import Settings
+from bsface.surface.alignment import fit_similarity
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import Template, load_template
 from bsface.texture.bake import bake_texture
 
 PHOTOS = ROOT.parent / "shared" / "photos" / "lfw"
+#: Texels along a side of the map of differences, and distance of its white.
+MAP, BRIGHTEST = 120, 0.05
 PARTS = ("halves", "held-out", "views")
 HALVES_COLUMNS = (
     ("within", "within %", ".2f"),
@@ -64,6 +72,11 @@ HALVES_COLUMNS = (
     ("ratio", "ratio", ".1f"),
     ("matched", "matched", ".0f"),
     ("people", "of", ".0f"),
+)
+PERSON_COLUMNS = (
+    ("within", "within %", ".2f"),
+    ("min", "min", ".2f"),
+    ("max", "max", ".2f"),
 )
 HELD_OUT_COLUMNS = (
     ("face", "face %", ".2f"),
@@ -117,14 +130,17 @@ def main() -> None:
         for failure in collection.failures:
             print(f"  {failure.reason}")
     if {"halves", "held-out"} & set(options.parts):
-        pairs = {
-            name: halves(collection, template, settings, options.seed)
-            for name, collection in people.items()
-        }
+        splits = [
+            {
+                name: halves(collection, template, settings, options.seed + k)
+                for name, collection in people.items()
+            }
+            for k in range(options.splits)
+        ]
         if "halves" in options.parts:
-            report_halves(pairs, template, settings, options.out)
+            report_halves(splits, template, settings, options.out)
         if "held-out" in options.parts:
-            report_held_out(people, pairs, template, settings, options.out)
+            report_held_out(people, splits[0], template, settings, options.out)
     if "views" in options.parts:
         for name, collection in people.items():
             views(name, collection, template, settings, options.out)
@@ -138,10 +154,13 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--data", type=Path, default=PHOTOS, help="folder of people")
     parser.add_argument("--people", nargs="+", metavar="NAME")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
-    parser.add_argument("--seed", type=int, default=0, help="of the split")
+    parser.add_argument("--seed", type=int, default=0, help="of the first split")
+    parser.add_argument("--splits", type=int, default=4, help="for the halves")
     parser.add_argument("--setting", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "real_photos")
     options = parser.parse_args()
+    if options.splits < 1:
+        parser.error("--splits must be at least 1.")
     if not options.data.is_dir():
         parser.error(f"{options.data} is no folder; name one with --data.")
     return options
@@ -168,16 +187,14 @@ def halves(
 
 
 def report_halves(
-    pairs: dict[str, tuple[Half, Half]],
+    splits: Sequence[dict[str, tuple[Half, Half]]],
     template: Template,
     settings: Settings,
     out: Path,
 ) -> None:
-    """Print and write the distances within and between people."""
+    """Print and write the distances within and between people, means over splits."""
     eye = settings.eye_distance_mm
     uv = face_parameters(template)
-    first = [pair[0] for pair in pairs.values()]
-    second = [pair[1] for pair in pairs.values()]
     marks = template.landmark_uv
     whole = partial(surface_distance, uv=uv, eye_distance=eye)
     points = partial(point_distance, eye_distance=eye)
@@ -192,10 +209,47 @@ def report_halves(
         ),
         ("mean MediaPipe mesh, 468 points", lambda a, b: points(a.mesh, b.mesh)),
     ):
-        rows.append({"what": name} | within_between(first, second, distance))
-    print("\nsplit halves, distance in % of the eye distance")
+        found = []
+        for pairs in splits:
+            first, second = zip(*pairs.values(), strict=True)
+            found.append(within_between(first, second, distance))
+        row: dict[str, object] = {"what": name}
+        row |= {key: float(np.mean([one[key] for one in found])) for key in found[0]}
+        row["ratio"] = float(row["between"]) / float(row["within"])
+        rows.append(row)
+    print(f"\nhalves of {len(splits)} splits, distance in % of the eye distance")
     print(text_table(rows, HALVES_COLUMNS, [("what", "")]))
     write_csv(out / "halves.csv", rows)
+    people = []
+    for name in splits[0]:
+        own = [whole(*(half.surface for half in pairs[name])) for pairs in splits]
+        people.append(
+            {"person": name, "within": np.mean(own), "max": max(own), "min": min(own)}
+        )
+    print("\neach person's halves, to the closest point, over the splits")
+    print(text_table(people, PERSON_COLUMNS, [("person", "person")]))
+    write_csv(out / "halves_people.csv", people)
+    every = [pair for pairs in splits for pair in pairs.values()]
+    write_png(out / "halves_map.png", _map_of_differences(every, template, eye))
+
+
+def _map_of_differences(
+    pairs: Sequence[tuple[Half, Half]], template: Template, eye_distance: float
+) -> np.ndarray:
+    """Mean distance of the halves over (u, v), grey, ``(MAP, MAP)`` uint8."""
+    at = (np.arange(MAP) + 0.5) / MAP
+    v, u = np.meshgrid(at, at, indexing="ij")
+    uv = np.stack([u.ravel(), v.ravel()], 1)
+    inside = template.inside(uv)
+    uv = uv[inside]
+    total = np.zeros(len(uv))
+    for a, b in pairs:
+        points, others = a.surface.evaluate(*uv.T), b.surface.evaluate(*uv.T)
+        move = fit_similarity(points, others, area_weights(b.surface, uv))
+        total += b.surface.closest_point(move(points))[1] / eye_distance
+    grey = np.zeros(MAP * MAP)
+    grey[inside] = np.clip(total / len(pairs) / BRIGHTEST, 0, 1)
+    return np.round(255 * grey).astype(np.uint8).reshape(MAP, MAP)
 
 
 def report_held_out(
