@@ -160,9 +160,7 @@ def refine(
             )
             check_cancelled()
             view = view * work.photo_weights[:, None]
-            seen = read_photos(
-                pictures, samples, state, view, work.parts.skin or ()
-            )
+            seen = read_photos(pictures, samples, state, view, work.parts.skin or ())
             check_cancelled()
             shading = solve_shading(seen, samples, state)
             before = replace(state, lights=shading.lights, albedo=shading.albedo)
