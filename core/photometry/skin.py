@@ -120,7 +120,7 @@ class _Colours(NamedTuple):
 
 def skin_masks(
     photos: Sequence[Photo],
-    faces: Sequence[BSplineSurface],
+    faces: BSplineSurface | Sequence[BSplineSurface],
     cameras: Sequence[Camera],
     template: Template,
     check_cancelled: CheckCancelled = never_cancelled,
@@ -130,8 +130,8 @@ def skin_masks(
     Parameters
     ----------
     photos : sequence of n Photo
-    faces : sequence of n BSplineSurface, or of one
-        The face with the expression of each photo, or the one that all share.
+    faces : BSplineSurface, or sequence of n
+        The face that all photos share, or that with the expression of each.
     cameras : sequence of n Camera
     template : Template
     check_cancelled : callable
@@ -156,7 +156,7 @@ def overlay(photo: Photo, mask: SkinMask) -> Picture8:
 
 def _colours(
     photos: Sequence[Photo],
-    faces: Sequence[BSplineSurface],
+    faces: BSplineSurface | Sequence[BSplineSurface],
     cameras: Sequence[Camera],
     template: Template,
     check_cancelled: CheckCancelled,
@@ -164,14 +164,15 @@ def _colours(
     uv = _samples(template)
     middle = _from_outline(template, uv) > MIDDLE
     even = template.is_skin(uv)  # not eyes, nostrils, the gap between the lips
-    one = len(faces) == 1
-    view = view_weights(faces[0] if one else faces, cameras, uv, 0.0)
+    view = view_weights(faces, cameras, uv, 0.0)
+    shared = isinstance(faces, BSplineSurface)
+    own = [faces] * len(photos) if shared else list(faces)
     xy = np.zeros((*view.shape, 2))
     values = np.zeros((*view.shape, 3))
     exposure = np.ones((len(photos), 1, 3))
     for i, (photo, camera) in enumerate(zip(photos, cameras, strict=True)):
         check_cancelled()
-        xy[i] = camera.project(faces[0 if one else i].evaluate(*uv.T))
+        xy[i] = camera.project(own[i].evaluate(*uv.T))
         field = smooth_photo(photo, camera, BLUR_MM, colour=True)
         found, _, inside = field.read(xy[i])
         view[i] *= inside
@@ -180,8 +181,7 @@ def _colours(
     seen = view > 0
     known = (view > GRAZING) & middle & even
     values /= exposure
-    Y = np.stack([harmonics.basis(face.normals(*uv.T)) for face in faces])
-    Y = np.broadcast_to(Y, (len(photos), *Y.shape[1:]))
+    Y = np.stack([harmonics.basis(face.normals(*uv.T)) for face in own])
     skin = known.astype(float)
     albedo = np.ones(values.shape[1:])
     shading = np.zeros_like(values)

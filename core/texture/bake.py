@@ -247,7 +247,7 @@ def _skin(
     shared = all(face is faces[0] for face in faces)
     masks = skin_masks(
         photos,
-        faces[:1] if shared else faces,
+        faces[0] if shared else faces,
         cameras,
         reconstruction.template,
         check_cancelled,

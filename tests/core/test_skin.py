@@ -49,7 +49,7 @@ def scene(yaw, gain=(1.0, 1.0, 1.0), other=HAIR, light=0.3):
 
 def masks_of(scenes) -> tuple[SkinMask, ...]:
     photos, cameras = zip(*scenes, strict=True)
-    return skin_masks(photos, [TEMPLATE.surface], cameras, TEMPLATE)
+    return skin_masks(photos, TEMPLATE.surface, cameras, TEMPLATE)
 
 
 def at_sides(scenes) -> np.ndarray:

@@ -223,8 +223,8 @@ def read_photos(
     state : State
     view : (n, p) array
         Weight by the viewing angle, 0 where a point cannot be seen.
-    skin : sequence of n SkinMask
-        What of each photo is skin; empty = all of it.
+    skin : sequence of n, optional
+        What of each photo is skin; by default all of it.
     """
     model, cameras = state.model, state.cameras
     n = len(cameras)
@@ -238,8 +238,6 @@ def read_photos(
         pixels, J, C = camera.jacobians(X[i])
         v, g, inside = picture.read(pixels)
         view[i] *= inside
-        if skin:
-            view[i] *= skin[i].read(pixels)
         if skin:
             view[i] *= skin[i].read(pixels)
         visible = view[i] > 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ..._types import Array
 from ...photometry import harmonics
 from ...photometry.lighting import PhotometricEvidence, light_diversity
-from ...photometry.skin import SkinMask, skin_masks
+from ...photometry.skin import skin_masks
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from .options import JointOptions
@@ -53,10 +53,8 @@ def joint(
     options = parts.options or JointOptions.from_settings(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    skin = problem_skin(problem, estimate, model, parts, check_cancelled)
-    work = Refinement(
-        problem.photos, estimate.photo_weights, options, terms, parts, skin
-    )
+    parts = with_skin(parts, problem, estimate, check_cancelled)
+    work = Refinement(problem.photos, estimate.photo_weights, options, terms, parts)
     uv = problem.landmarks.uv
     offset = estimate.landmarks_xyz - estimate.surface.evaluate(*uv.T)
     steps = [level.iterations for level in options.levels]
@@ -81,20 +79,24 @@ def joint(
         yield Iteration("refine", found, one.residual, one.step_mm, done, sum(steps))
 
 
-def problem_skin(
+def with_skin(
+    parts: JointParts,
     problem: Problem,
     estimate: FaceEstimate,
-    model: DisplacementModel,
-    parts: JointParts,
     check_cancelled: CheckCancelled,
-) -> Sequence[SkinMask]:
-    """What of each photo is skin of this face, unless ``parts`` say so."""
+) -> JointParts:
+    """The parts with a skin mask per photo; masks that are given stay."""
     if parts.skin is not None:
-        return parts.skin
-    faces = model.faces(estimate.surface)
-    return skin_masks(
-        problem.photos, faces, estimate.cameras, problem.template, check_cancelled
+        return parts
+    model = DisplacementModel.about(problem, estimate)
+    skin = skin_masks(
+        problem.photos,
+        model.faces(estimate.surface),
+        estimate.cameras,
+        problem.template,
+        check_cancelled,
     )
+    return replace(parts, skin=skin)
 
 
 def _deviation(last: JointIteration, model: DisplacementModel) -> Array:

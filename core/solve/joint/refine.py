@@ -78,8 +78,6 @@ class Refinement:
         All besides the intensities and the prior of the shape.
     parts : JointParts
         Reader, visibility and shading are taken from here.
-    skin : sequence of n SkinMask
-        What of each photo is skin; empty = all of it.
     """
 
     photos: Sequence[Photo]
@@ -87,7 +85,6 @@ class Refinement:
     options: JointOptions
     terms: Sequence[Term]
     parts: JointParts = JointParts()  # noqa: RUF009 (frozen)
-    skin: Sequence[SkinMask] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +160,7 @@ def refine(
             )
             check_cancelled()
             view = view * work.photo_weights[:, None]
-            seen = read_photos(pictures, samples, state, view, work.skin)
+            seen = read_photos(pictures, samples, state, view, work.parts.skin or ())
             check_cancelled()
             shading = solve_shading(seen, samples, state)
             before = replace(state, lights=shading.lights, albedo=shading.albedo)

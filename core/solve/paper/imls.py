@@ -28,7 +28,7 @@ Readings of the text
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -37,7 +37,6 @@ from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
 from ..._types import Array
-from ...photometry.skin import SkinMask
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from ...settings import Settings
@@ -52,7 +51,7 @@ from ..joint.linearise import (
     linearise,
     read_photos,
 )
-from ..joint.method import photometric_evidence
+from ..joint.method import photometric_evidence, with_skin
 from ..joint.options import JointOptions
 from ..joint.refine import JointIteration, JointParts
 from ..joint.samples import Samples, sample_surface
@@ -158,7 +157,6 @@ class _Work:
     options: JointOptions
     terms: list[Term]
     parts: JointParts
-    skin: Sequence[SkinMask]
     check_cancelled: CheckCancelled
 
     def look(self, pictures: list[Picture], samples: Samples, state: State) -> Evidence:
@@ -169,7 +167,7 @@ class _Work:
             state.model.faces(state.surface), state.cameras, samples.uv, options.grazing
         )
         view = view * self.estimate.photo_weights[:, None]
-        seen = read_photos(pictures, samples, state, view, self.skin)
+        seen = read_photos(pictures, samples, state, view, self.parts.skin or ())
         self.check_cancelled()
         solve = self.parts.shading or RobustShading(options.noise, options.light_ridge)
         shading = solve(seen, samples, state)
@@ -223,10 +221,8 @@ def imls(
     options = parts.options or schedule(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    skin = problem_skin(problem, estimate, model, parts, check_cancelled)
-    work = _Work(
-        problem, estimate, options, terms, parts, skin, check_cancelled=check_cancelled
-    )
+    parts = with_skin(parts, problem, estimate, check_cancelled)
+    work = _Work(problem, estimate, options, terms, parts, check_cancelled)
     state = State.start(model, estimate.cameras)
     done, total = 0, 2 * sum(level.iterations for level in options.levels)
     for number, level in enumerate(options.levels):
