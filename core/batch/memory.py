@@ -15,7 +15,7 @@ from ..errors import out_of_memory
 from ..threads import take_working_space
 
 #: Bytes below which not even the program and its networks fit.
-LEAST = 300_000_000
+LEAST = 350_000_000
 _UNITS = {"": 1, "K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 
 

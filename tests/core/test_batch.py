@@ -180,7 +180,7 @@ def test_want_of_memory_costs_only_its_person(people, tmp_path):
     found = {o.person: o for o in outcomes}
     assert found["ann"].status == "done" and found["big"].status == "failed"
     reason = found["big"].reason
-    assert str(crowd / "big") in reason and "0.3 GB" in reason and "--memory" in reason
+    assert str(crowd / "big") in reason and "0.35 GB" in reason and "--memory" in reason
     assert reason in (tmp_path / "out" / "summary.csv").read_text()
 
 

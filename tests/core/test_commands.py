@@ -143,7 +143,7 @@ def test_batch_by_its_word(capsys, tmp_path):
         (["people", "out", "--write", "other.npz"], "'other.npz' cannot be made"),
         (["people", "out", "--write", "../face.npz"], "cannot be made"),
         (["people", "out", "--memory", "much"], "is no size"),
-        (["people", "out", "--memory", "1M"], "at least 300 MB."),
+        (["people", "out", "--memory", "1M"], "at least 350 MB."),
         (["people", "people"], "choose another folder for the results."),
         (["people", "people/out"], "choose another folder for the results."),
         (["people", "file"], "cannot be written"),
