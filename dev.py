@@ -2,15 +2,17 @@
 """One command for each thing to do with a checkout; needs only Python, git, an index.
 
     python3 dev.py demo     examples/photos/ -> out/demo/ (face.blend, .npz, page)
-    python3 dev.py test     ruff, pyright, all tests; the Blender tests in both lines
+    python3 dev.py test     ruff, pyright, all tests; the Blender tests in both lines;
+                            the wheel on the lowest and the newest versions
     python3 dev.py setup    make .venv and fetch the face models, nothing else
     python3 dev.py build    the extension's zips into dist/
     python3 dev.py bench    the scripts of benchmarks/
     python3 dev.py docs     the pictures and numbers of docs/
 
 Everything is installed into .venv inside the checkout (and .venv-5.2 or .venv-4.5
-for the other Blender line); the face models go to the user's cache. A second run
-installs nothing. Versions are pinned in requirements/.
+for the other Blender line, .venv-lowest and .venv-newest for the wheel); the face
+models go to the user's cache. A second run installs only the wheel again. Versions are
+pinned in requirements/, apart from those of .venv-newest.
 
 Standard library only. The file itself also starts on older Pythons, to say so.
 """
@@ -24,12 +26,16 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
 # Blender LTS line -> the one Python that its bpy wheel fits.
 LINES = {"4.5": (3, 11), "5.2": (3, 13)}
+# What the wheel is tested on: the versions of requirements/lowest.txt, and whatever an
+# unpinned `pip install` brings.
+WHEELS = {"lowest": (3, 11), "newest": (3, 13)}
 PHOTOS = ROOT / "examples" / "photos"
 DEMO = ROOT / "out" / "demo"
 
@@ -129,17 +135,48 @@ def environment(line: str, *groups: str) -> str:
 
 def models(python: str) -> None:
     """Fetch the face models into the user's cache where they are missing."""
-    # Only now: dev.py's own folder is on the path, and the import is cheap.
-    from tools.fetch_models import WHEEL, FetchError, cache_folder, fetch_models
-    from tools.fetch_models import missing_files as missing
+    if _output([python, "-m", "bsface", "models"]) is None:
+        say("taking the two face models out of the wheel of mediapipe")
+        run_or_stop([python, "-m", "bsface", "models", "fetch"])
 
-    folder = cache_folder() / "models"
-    if missing(folder):
-        say(f"taking the two face models out of the wheel {WHEEL} into {folder}")
-        try:
-            fetch_models(folder, python)
-        except FetchError as error:
-            raise Stop(str(error)) from None
+
+def build_wheel(python: str, folder: Path) -> Path:
+    """The wheel of the checkout; built from a copy, so that nothing stale is in it."""
+    copy = folder / "source"
+    copy.mkdir()
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, copy)
+    ignore = shutil.ignore_patterns("__pycache__", "*.tflite")
+    shutil.copytree(ROOT / "core", copy / "core", ignore=ignore)
+    command = [python, "-m", "pip", "wheel", "--quiet", "--no-deps"]
+    command += ["--disable-pip-version-check", "--wheel-dir", str(folder), str(copy)]
+    run_or_stop(command)
+    return next(folder.glob("*.whl"))
+
+
+def wheel_environment(name: str, wheel: Path) -> str:
+    """Python of an environment with the wheel and what it asks for.
+
+    ``requirements/NAME.txt`` holds the versions down where there is such a file.
+    """
+    folder = ROOT / f".venv-{name}"
+    python = str(folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
+    probe = "import sys; print(*sys.version_info[:2])"
+    if _output([python, "-c", probe]) != "{} {}".format(*WHEELS[name]):
+        run_or_stop(
+            [find_python(WHEELS[name]) or "", "-m", "venv", "--clear", str(folder)]
+        )
+    quiet = ["--quiet", "--disable-pip-version-check"]
+    _output([python, "-m", "pip", "uninstall", *quiet, "--yes", "bsface"])
+    command = [python, "-m", "pip", "install", *quiet, str(wheel)]
+    command += ["-r", str(ROOT / "requirements" / "test.txt")]
+    held = ROOT / "requirements" / f"{name}.txt"
+    if held.is_file():
+        command += ["-c", str(held)]
+    else:
+        command += ["--upgrade", "--upgrade-strategy", "eager"]
+    run_or_stop(command)
+    return python
 
 
 def _pip(command: list[str]) -> None:
@@ -262,7 +299,7 @@ def test(options: argparse.Namespace) -> int:
         before = time.monotonic()
         results.append((title, call(command, 1500), time.monotonic() - before))
 
-    python = environment(line, "run", "test", "check")
+    main_python = python = environment(line, "run", "test", "check")
     models(python)
     results.append(("install", 0, time.monotonic() - started))
     stage("ruff", [python, "-m", "ruff", "check", "."])
@@ -283,6 +320,21 @@ def test(options: argparse.Namespace) -> int:
         python = environment(other, "run", "test")
         results.append((f"install {other}", 0, time.monotonic() - before))
         stage(title, [python, *pytest, "tests/blender", "tests/extension"])
+    with tempfile.TemporaryDirectory(prefix="bsface-") as folder:
+        reference = Path(folder) / "reference.npy"
+        script = str(ROOT / "tests" / "wheel.py")
+        stage("reference for the wheel", [main_python, script, str(reference)])
+        wheel = build_wheel(main_python, Path(folder))
+        for name, version in WHEELS.items():
+            title = f"wheel, {name} versions, {_dotted(version)}"
+            if find_python(version) is None:
+                results.append((title, f"skipped: no Python {_dotted(version)}", 0.0))
+                continue
+            before = time.monotonic()
+            python = wheel_environment(name, wheel)
+            results.append((f"install {name}", 0, time.monotonic() - before))
+            # isolated: neither the checkout nor the user's packages are on its path
+            stage(title, [python, "-I", script, str(reference)])
     print(f"\n== summary ({time.monotonic() - started:.0f} s)")
     for title, code, seconds in results:
         verdict = code if isinstance(code, str) else "FAILED" if code else "passed"

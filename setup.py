@@ -14,8 +14,9 @@ def long_description() -> str:
     (home,) = re.findall(r'^Source = "(.*)"$', project, re.MULTILINE)
 
     def absolute(link: re.Match) -> str:
-        picture, target = link["picture"], link["target"]
-        return f"{picture}[{link['text']}]({home}/{'raw' if picture else 'blob'}/main/{target})"
+        view = "raw" if link["picture"] else "blob"
+        words = f"{link['picture']}[{link['text']}]"
+        return f"{words}({home}/{view}/main/{link['target']})"
 
     return re.sub(
         r"(?P<picture>!?)\[(?P<text>[^\]]*)\]\((?!https?:|#)(?P<target>[^)\s]+)\)",

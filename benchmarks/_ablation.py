@@ -1,7 +1,7 @@
 """What each ingredient of the default is worth: switched off or changed one at a time.
 
-Ingredients that are settings are changed there.  Those that are not are changed where
-they live for the time of the run (`Variant.patches`).
+Ingredients that are settings are changed there.  Those that are not are parts of the
+joint step, which takes others in their place (`Variant.parts`).
 """
 
 from __future__ import annotations
@@ -9,22 +9,23 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from unittest import mock
 
 import numpy as np
-from _methods import run
+from _faces import surface_face
+from _methods import Outcome, run
+from _parts import Channel, EqualWeights, estimated_surface, nothing_hidden
 from _sets import FaceSet, each_set, load_measure, load_set, score
 from _table import averages, text_table, write_csv
-from bsface.photometry.lighting import robust_weights
-from bsface.prepare import collect_photos
+from bsface.errors import ReconstructionError
+from bsface.prepare import collect_photos, make_problem
 from bsface.problem import PhotoCollection
 from bsface.settings import Settings
+from bsface.solve.joint.refine import JointParts
 from bsface.surface.template import Template, load_template
 
 Change = Callable[[Settings], Mapping[str, Any]]
@@ -43,15 +44,15 @@ class Variant:
         Scheme that the detected landmarks are reduced to.
     photos : int
         Number of photos; 0 = all.
-    patches : mapping of dotted name to value
-        Replaced in the library during the run.
+    parts : JointParts or None
+        What is replaced in the joint step.
     """
 
     name: str
     settings: Mapping[str, Any] | Change = field(default_factory=dict)
     landmarks: str = "468"
     photos: int = 0
-    patches: Mapping[str, Any] = field(default_factory=dict)
+    parts: JointParts | None = None
 
     def changed(self, base: Settings) -> Settings:
         """The settings of this variant."""
@@ -62,23 +63,6 @@ class Variant:
 def times(name: str, factor: float) -> Change:
     """The change of one setting by a factor."""
     return lambda base: {name: getattr(base, name) * factor}
-
-
-def _channel(*weights: float) -> dict[str, Any]:
-    return {"bsface.photometry.sampling.LUMINANCE": np.array(weights, np.float32)}
-
-
-def _nothing_hidden(cover: Any, camera: Any, points: np.ndarray) -> np.ndarray:
-    return np.zeros(len(points), bool)
-
-
-def _equal_weights(view: np.ndarray, residual: np.ndarray, noise: float) -> np.ndarray:
-    """No sample weighs less for its residual; all as much as they do on average.
-
-    Without the average the change would also make the photos count for more.
-    """
-    robust = robust_weights(view, residual, noise)
-    return view * float(robust.sum() / max(view.sum(), 1e-12))
 
 
 #: How many random choices of photos stand for a number of photos.
@@ -101,8 +85,7 @@ GROUPS: dict[str, list[Variant]] = {
         Variant("light of degree 4", {"light_degree": 4}),
         Variant("no shadows", {"shadows": False}),
         Variant(
-            "no robust weights",
-            patches={"bsface.photometry.lighting.robust_weights": _equal_weights},
+            "no robust weights", parts=JointParts(shading=EqualWeights(0.06, 1e-3))
         ),
         Variant("intensity noise x 0.5", times("intensity_noise", 0.5)),
         Variant("intensity noise x 2", times("intensity_noise", 2.0)),
@@ -111,12 +94,11 @@ GROUPS: dict[str, list[Variant]] = {
     ],
     "image": [
         Variant(
-            "hidden points not left out",
-            patches={"bsface.photometry.sampling.hidden_in": _nothing_hidden},
+            "hidden points not left out", parts=JointParts(visibility=nothing_hidden)
         ),
-        Variant("red channel", patches=_channel(1, 0, 0)),
-        Variant("green channel", patches=_channel(0, 1, 0)),
-        Variant("blue channel", patches=_channel(0, 0, 1)),
+        Variant("red channel", parts=JointParts(reader=Channel(0))),
+        Variant("green channel", parts=JointParts(reader=Channel(1))),
+        Variant("blue channel", parts=JointParts(reader=Channel(2))),
         Variant("finest blur x 0.7", times("finest_blur_mm", 0.7)),
         Variant("finest blur x 2", times("finest_blur_mm", 2.0)),
         Variant("2 iterations a level", {"iterations": 2}),
@@ -251,10 +233,10 @@ def one_variant(
     started = time.perf_counter()
     for chosen in draws(len(collection.photos), variant.photos):
         some = reduced(collection, template, variant.landmarks, chosen)
-        with ExitStack() as stack:
-            for name, value in variant.patches.items():
-                stack.enter_context(mock.patch(name, value))
+        if variant.parts is None:
             outcome = run("default", some, model, changed)
+        else:
+            outcome = run_parts(variant.parts, some, model, changed)
         if outcome.face is None:
             return {"note": f"failed: {outcome.note}"}
         results.append(
@@ -267,6 +249,22 @@ def one_variant(
     row["all_seconds"] = time.perf_counter() - started
     row["note"] = ""
     return row
+
+
+def run_parts(
+    parts: JointParts,
+    collection: PhotoCollection,
+    template: Template,
+    settings: Settings,
+) -> Outcome:
+    """As `run` of the default, with parts of the joint step replaced."""
+    started = time.perf_counter()
+    try:
+        problem = make_problem(collection, template, settings)
+        face = surface_face(estimated_surface(problem, parts), template)
+    except (ReconstructionError, np.linalg.LinAlgError) as error:
+        return Outcome(None, time.perf_counter() - started, str(error))
+    return Outcome(face, time.perf_counter() - started, used=len(problem.photos))
 
 
 def numbers(found: Any) -> dict[str, float]:

@@ -39,14 +39,14 @@ def photo_meshes(collection: PhotoCollection) -> Array:
     (n, 468, 3) array
         Pixels of the network's crop; x right, y up, z to the camera.
     """
-    network = load_network(find_models().mesh, MESH_OUTPUTS)
+    network = load_network(find_models().mesh, MESH_OUTPUTS, MESH_SIDE)
     meshes = []
     for photo, marks in zip(collection.photos, collection.landmarks, strict=True):
         crop = upright_crop(photo.to_window(marks.points))
         picture = sample(pyramid(photo.bytes8()), crop, MESH_SIDE)
         planes = picture.transpose(2, 0, 1)[None].astype(np.float32) / 255
         network.setInput(np.ascontiguousarray(planes))
-        points, _ = network.forward(MESH_OUTPUTS)
+        points, _ = network.forward(tuple(MESH_OUTPUTS))
         meshes.append(points.reshape(468, 3).astype(float) * (1, -1, -1))
     return np.stack(meshes)
 

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from _truth import HELD, Truth
+from _parts import HELD
+from _truth import Truth
 from bsface.camera.camera import Camera
 from bsface.images.photo import Photo
 from bsface.photometry.lighting import (

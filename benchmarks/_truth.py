@@ -31,8 +31,6 @@ FLIP = np.diag([1.0, -1.0, -1.0])
 #: Standard deviation of the fit's distances, mm: far below any error that is measured.
 FIT_MM = 0.15
 SAMPLES = 70
-#: Precision that holds a parameter of a photo where it is.
-HELD = 1e12
 STEPS = 12
 
 
@@ -127,21 +125,6 @@ def _fit(mesh, marks: Array, template: Template, prior: ShapePrior, move) -> Tru
         moved = first.control_points + (d + D @ a).reshape(first.control_points.shape)
         surface = BSplineSurface(moved)
     return Truth(surface, a, d.reshape(-1, 3), (scale, R, t))
-
-
-def hold_photos(H: Array, count: int, which: slice) -> None:
-    """Hold parameters of each of ``count`` photos in a joint system, in place.
-
-    Parameters
-    ----------
-    H : (count m, count m) array
-        Block of the photos.
-    which : slice
-        Of the m parameters of one photo.
-    """
-    m = len(H) // count
-    at = np.add.outer(m * np.arange(count), np.arange(m)[which]).ravel()
-    H[at, at] += HELD
 
 
 def true_cameras(folder: Path, names: Sequence[str], truth: Truth) -> list[Camera]:

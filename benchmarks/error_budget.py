@@ -16,38 +16,38 @@ from __future__ import annotations
 import argparse
 import logging
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 from _faces import surface_face
 from _methods import changed_settings
+from _parts import estimated_surface
 from _sets import EVAL, ROOT, each_set, find_sets, load_measure, load_set, score
 from _table import averages, text_table, write_csv
-from _true_light import shading_held
+from _true_light import HeldShading
 from _truth import (
-    HELD,
     Truth,
     fit_truth,
-    hold_photos,
     true_cameras,
     true_landmarks,
     true_template,
 )
-from bsface.camera.camera import PARAMETERS, Camera
-from bsface.prepare import collect_photos
-from bsface.problem import PhotoCollection
-from bsface.reconstruct import joint_options, solve
+from bsface.camera.camera import Camera
+from bsface.prepare import collect_photos, make_problem
+from bsface.problem import FaceEstimate, PhotoCollection, Problem
+from bsface.progress import never_cancelled
 from bsface.settings import Settings
-from bsface.solve import motion as bundle_stage
-from bsface.solve.joint import refine as joint_stage
+from bsface.solve.joint.method import joint
+from bsface.solve.joint.options import JointOptions
+from bsface.solve.joint.refine import JointParts
+from bsface.surface.bspline import BSplineSurface
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import Template, load_template
+from bsface.threads import one_blas_thread
 
 SETS = ["ict-a/S1", "ict-b/S1", "mh-c/S1"]
 CAMERAS, LANDMARKS, START, MEAN = "cameras", "landmarks", "start", "mean"
@@ -170,74 +170,49 @@ def replaced(
     truth: Truth,
     cameras: list[Camera],
     settings: Settings,
-):
+) -> BSplineSurface:
     """The face that the program makes when some parts are the truth."""
     model = template
-    with ExitStack() as stack:
-        if LANDMARKS in true:
-            collection, model = true_landmarks(collection, template, truth, cameras)
-            settings = replace(settings, landmark_offset_mm=0.1, landmark_noise_mm=0.1)
-        if MEAN in true:
-            model = true_template(model, truth)
-        if CAMERAS in true:
-            stack.enter_context(cameras_held(cameras))
-        if {LIGHTS, ALBEDO} & true:
-            held = shading_held(
-                truth,
-                cameras,
-                collection.photos,
-                joint_options(settings),
-                LIGHTS in true,
-                ALBEDO in true,
-            )
-            stack.enter_context(held)
-        if START in true:
-            stack.enter_context(started_at(truth, cameras))
-        return solve(collection, settings, model).surface
-
-
-@contextmanager
-def cameras_held(cameras: list[Camera]) -> Iterator[None]:
-    """Both stages begin with these cameras and cannot move them."""
-    priors, precision = joint_stage._add_photo_priors, bundle_stage._camera_prior
-
-    def hold_joint(blocks, at, options) -> None:
-        priors(blocks, at, options)
-        hold_photos(blocks.H, len(at), slice(PARAMETERS))
-
-    def hold_bundle(options, modes):
-        p = precision(options, modes)
-        p[:PARAMETERS] += HELD
-        return p
-
-    with (
-        mock.patch("bsface.reconstruct._linear_cameras", lambda *_: list(cameras)),
-        mock.patch.object(joint_stage, "_add_photo_priors", hold_joint),
-        mock.patch.object(bundle_stage, "_camera_prior", hold_bundle),
-    ):
-        yield
-
-
-@contextmanager
-def started_at(truth: Truth, cameras: list[Camera]) -> Iterator[None]:
-    """The joint stage begins at the truth, and is free to leave it."""
-
-    def start(bundle, template: Template, seen):
-        uv = template.landmark_uv[seen.index]
-        own = template.landmark_xyz[seen.index] - template.surface.evaluate(*uv.T)
-        at = replace(
-            bundle,
-            surface=truth.surface,
-            cameras=tuple(cameras),
-            structure=truth.surface.evaluate(*uv.T) + own,
-            modes=truth.modes,
-            smooth=truth.smooth,
-            expressions=np.zeros_like(bundle.expressions),
+    if LANDMARKS in true:
+        collection, model = true_landmarks(collection, template, truth, cameras)
+        settings = replace(settings, landmark_offset_mm=0.1, landmark_noise_mm=0.1)
+    if MEAN in true:
+        model = true_template(model, truth)
+    problem = make_problem(collection, model, settings)
+    parts = JointParts()
+    if {LIGHTS, ALBEDO} & true:
+        held = HeldShading(
+            truth,
+            cameras,
+            collection.photos,
+            JointOptions.from_settings(settings),
+            LIGHTS in true,
+            ALBEDO in true,
         )
-        return at, np.ones(len(cameras))
+        parts = JointParts(shading=held, terms=held.terms)
+    if START in true:
+        start = true_start(problem, truth, cameras)
+        with one_blas_thread():
+            *_, last = joint(problem, start, never_cancelled, parts)
+        return last.estimate.surface
+    return estimated_surface(problem, parts, cameras if CAMERAS in true else None)
 
-    with mock.patch("bsface.reconstruct.settle_expressions", start):
-        yield
+
+def true_start(problem: Problem, truth: Truth, cameras: list[Camera]) -> FaceEstimate:
+    """The truth as an estimate, which the joint step is free to leave."""
+    template, marks = problem.template, problem.landmarks
+    offset = template.landmark_xyz[marks.index]
+    offset = offset - template.surface.evaluate(*marks.uv.T)
+    n = len(cameras)
+    return FaceEstimate(
+        surface=truth.surface,
+        cameras=tuple(cameras),
+        landmarks_xyz=truth.surface.evaluate(*marks.uv.T) + offset,
+        expressions=np.zeros((n, 0)),
+        modes=truth.modes,
+        smooth=truth.smooth,
+        photo_weights=np.ones(n),
+    )
 
 
 def with_changes(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

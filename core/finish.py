@@ -56,7 +56,11 @@ def finish(
         expressions=estimate.expressions,
         constraint=problem.constraint,
         history=tuple(history),
-        warnings=collection.identity_warnings + shortcomings(poses, light),
+        warnings=(
+            *collection.hints,
+            *collection.identity_warnings,
+            *shortcomings(poses, light),
+        ),
         provenance=Provenance.of_this_program(collection.hashes),
     )
 
@@ -79,7 +83,7 @@ def photo_reports(problem: Problem, estimate: FaceEstimate) -> tuple[PhotoReport
             PhotoReport(
                 name=photo.name,
                 status="used",
-                reason=collection.landmarks[i].note,
+                reason=f"{collection.landmarks[i].note} {photo.note}".strip(),
                 reprojection_pct=float(100 * np.median(away[seen.weight[i] > 0]) / eye),
                 yaw=yaw,
                 pitch=pitch,

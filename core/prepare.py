@@ -17,11 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from .errors import FailureCode, PhotoFailure, ReconstructionError
-from .identity.same_person import separate_identities
-from .images.folder import list_photos
+from .identity.identify import identify
+from .images.folder import is_video, nothing_found, scan_folder
 from .landmarks.candidates import CandidateReader
 from .landmarks.face_models import ModelFiles
-from .landmarks.face_selection import Candidate, choose_faces
+from .landmarks.face_selection import Candidate
+from .landmarks.frame_selection import read_frames
 from .landmarks.landmarks import Landmarks
 from .landmarks.observations import observe_landmarks
 from .problem import Constraint, PhotoCollection, Problem
@@ -52,6 +53,8 @@ class Inputs:
         Names of photos that are not to be used.
     constraint : Constraint or None
         Control points that stay.
+    recursive : bool
+        Whether a folder's sub-folders are read too.
     models : ModelFiles or None
         Files of the face networks.
     """
@@ -60,6 +63,7 @@ class Inputs:
     landmarks: Mapping[str, Landmarks] = field(default_factory=dict)
     ignore: Sequence[str] = ()
     constraint: Constraint | None = None
+    recursive: bool = False
     models: ModelFiles | None = None
 
     def __post_init__(self) -> None:
@@ -174,7 +178,7 @@ def collect_photos(
 
     Parameters
     ----------
-    photos : folder, or sequence of paths or (H, W, 3) arrays
+    photos : folder, video, or sequence of paths or (H, W, 3) arrays
     settings : Settings, optional
         Used are ``landmarks``, ``detector`` and ``one_person``.
     inputs : Inputs, optional
@@ -190,7 +194,7 @@ def collect_photos(
     """
     settings, inputs = settings or Settings(), inputs or Inputs()
     template = as_template(inputs.template, settings)
-    sources = _sources(photos)
+    sources, hints = _sources(photos, inputs.recursive)
     _check_names(inputs.ignore, [name for name, _ in sources])
     reader = CandidateReader(template, settings, inputs.landmarks, inputs.models)
     total = len(sources)
@@ -203,31 +207,54 @@ def collect_photos(
         check_cancelled()
         if name in inputs.ignore:
             outcome.append(PhotoFailure(name, "ignored", f"{name} is set aside."))
+        elif isinstance(source, Path) and is_video(source):
+            frames = read_frames(
+                reader,
+                source,
+                name,
+                ignore=inputs.ignore,
+                check_cancelled=check_cancelled,
+            )
+            outcome += [faces for _, faces in frames]
         else:
             outcome.append(reader.read(source, name, check_cancelled))
-    chosen = choose_faces(outcome)
-    warnings: tuple[str, ...] = ()
-    if settings.one_person:
+
+    def compared() -> None:
         _tell(progress, total, total, "comparing the faces")
-        chosen, warnings = separate_identities(chosen)
+
+    chosen, warnings = identify(
+        outcome,
+        one_person=settings.one_person,
+        models=inputs.models,
+        check_cancelled=compared,
+    )
     used = [item for item in chosen if isinstance(item, Candidate)]
     failures = tuple(item for item in chosen if isinstance(item, PhotoFailure))
-    _tell(progress, total, total, f"{len(used)} of {total} photos can be used")
+    _tell(progress, total, total, f"{len(used)} of {len(chosen)} photos can be used")
     if not used:
-        raise ReconstructionError(_nothing_usable(total, failures))
+        raise ReconstructionError(_nothing_usable(failures))
     return PhotoCollection(
         photos=tuple(item.photo for item in used),
         landmarks=tuple(item.landmarks for item in used),
         failures=failures,
         identity_warnings=warnings,
+        hints=hints,
         hashes=reader.hashes,
     )
 
 
-def _sources(photos: Photos) -> list[tuple[str, Path | np.ndarray]]:
-    """Names, unlike each other, and paths or arrays."""
+Sources = list[tuple[str, Path | np.ndarray]]
+
+
+def _sources(photos: Photos, recursive: bool) -> tuple[Sources, tuple[str, ...]]:
+    """Names, unlike each other, with paths or arrays; and what is passed over."""
     if isinstance(photos, str | os.PathLike):
-        return [(_printable(path.name), path) for path in list_photos(photos)]
+        if is_video(Path(photos)):
+            return [(_printable(Path(photos).name), Path(photos))], ()
+        scan = scan_folder(photos, recursive)
+        if not scan.sources:
+            raise ReconstructionError(nothing_found(scan))
+        return [(_printable(scan.shown(p)), p) for p in scan.sources], scan.hints()
     if isinstance(photos, np.ndarray) and _one_picture(photos):
         raise ReconstructionError(
             f"One picture of shape {photos.shape} was given in place of several; "
@@ -253,7 +280,7 @@ def _sources(photos: Photos) -> list[tuple[str, Path | np.ndarray]]:
         if count[name] > 1:
             taken[name] += 1
             names[i] = f"{name} ({taken[name]})"
-    return list(zip(names, items, strict=True))
+    return list(zip(names, items, strict=True)), ()
 
 
 def _source(item: object) -> Path | np.ndarray:
@@ -274,7 +301,8 @@ def _one_picture(array: np.ndarray) -> bool:
 def _check_names(ignore: Sequence[str], names: Sequence[str]) -> None:
     # A name with a slip would let the photo in, and the slip show after the work.
     for name in ignore:
-        if name not in names:
+        # A frame of a video is named by the video and its time code.
+        if name not in names and name.rpartition(" ")[0] not in names:
             listed = ", ".join(names[:5])
             if len(names) > 5:
                 listed += f" ... ({len(names)} photos)"
@@ -293,8 +321,8 @@ def _tell(progress: Progress | None, done: int, total: int, message: str) -> Non
         progress(Step("landmarks", done, total, done / total, message))
 
 
-def _nothing_usable(total: int, failures: tuple[PhotoFailure, ...]) -> str:
-    count = Counter(failure.code for failure in failures)
+def _nothing_usable(failures: tuple[PhotoFailure, ...]) -> str:
+    total, count = len(failures), Counter(failure.code for failure in failures)
     if total == 1:
         return f"The photo cannot be used: {failures[0].reason}"
     reasons = ", ".join(

@@ -65,6 +65,8 @@ class PhotoCollection:
         The photos that are left out, in folder order.
     identity_warnings : tuple of str
         Whether all photos show one person, in sentences; empty if they seem to.
+    hints : tuple of str
+        What in the folder was not read, in sentences.
     hashes : mapping of photo name to str
         SHA-256 of each photo that was read: of its file, or of its pixels.
     """
@@ -73,6 +75,7 @@ class PhotoCollection:
     landmarks: tuple[Landmarks, ...]
     failures: tuple[PhotoFailure, ...] = ()
     identity_warnings: tuple[str, ...] = ()
+    hints: tuple[str, ...] = ()
     hashes: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -56,13 +56,14 @@ def reconstruct(
     ignore: Sequence[str] = (),
     landmarks: Mapping[str, Landmarks] | None = None,
     constraint: Constraint | None = None,
+    recursive: bool = False,
     **changes: Any,
 ) -> Reconstruction:
     """Reconstruct a face from photos of one person.
 
     Parameters
     ----------
-    photos : folder, or sequence of paths or of (H, W, 3) RGB arrays
+    photos : folder, video, or sequence of paths or of (H, W, 3) RGB arrays
     settings : Settings or mapping, optional
     template : Template, path of a template file, or BSplineSurface, optional
         Another ``b_t``; a bare surface (an edited result) keeps the landmarks and modes
@@ -75,6 +76,8 @@ def reconstruct(
         Win over files and over the detector.
     constraint : Constraint, optional
         Control points of the template that stay where it has them.
+    recursive : bool
+        Read the sub-folders of a folder too.
     **changes
         Single settings, such as ``method="motion"``.
 
@@ -92,7 +95,7 @@ def reconstruct(
         An argument is of the wrong kind, or a setting is not possible.
     """
     chosen = Settings.of(settings, changes)
-    inputs = Inputs(template, landmarks or {}, ignore, constraint)
+    inputs = Inputs(template, landmarks or {}, ignore, constraint, recursive)
     clock = Clock(progress)
     with one_blas_thread(), memory_reported():
         problem = prepare(photos, chosen, inputs, clock.nested("landmarks"))

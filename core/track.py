@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ._types import Array
+from ._types import Array, Indices
 from .camera.camera import Camera
 from .errors import PhotoFailure, ReconstructionError
 from .images.photo import Photo
@@ -179,7 +179,9 @@ def _track_photo(
     )
 
 
-def _on_index(known: KnownFace, marks: Landmarks, which: Array) -> tuple[Array, Array]:
+def _on_index(
+    known: KnownFace, marks: Landmarks, which: Indices
+) -> tuple[Array, Array]:
     """Pixels and weights of the landmarks that the known face has, (f, 2) and (f,)."""
     pixels, weight = np.zeros((468, 2)), np.zeros(468)
     pixels[which], weight[which] = marks.points, marks.weight

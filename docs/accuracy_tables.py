@@ -214,8 +214,8 @@ def held_out(rows: list[Row]) -> str:
     return markdown(lines, [("person", "person")], columns)
 
 
-def strangers(rows: list[Row]) -> str:
-    """How often strangers are found: a row a kind of folder."""
+def identity(rows: list[Row]) -> str:
+    """How often outlier identities are found: a row per kind of folder."""
     columns = (
         ("photos", "photos", ".0f"),
         ("wrong", "wrong %", ".2f"),
@@ -251,7 +251,7 @@ TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "halves": ("real_photos/halves.csv", halves),
     "held-out": ("real_photos/held_out.csv", held_out),
     "reprojection": ("reprojection/reprojection.csv", reprojection),
-    "strangers": ("strangers/strangers.csv", strangers),
+    "identity": ("identity/identity.csv", identity),
 }
 
 

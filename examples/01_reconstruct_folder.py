@@ -4,15 +4,8 @@
 python examples/01_reconstruct_folder.py [PHOTOS [OUT]]
 """
 
-import sys
-from pathlib import Path
-
 import bsface
-from bsface.formats import export
-from bsface.report.report import write_report
-
-PHOTOS = Path(__file__).resolve().parent / "photos"
-OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
+from _arguments import start
 
 
 def show(step: bsface.Step) -> None:
@@ -20,13 +13,10 @@ def show(step: bsface.Step) -> None:
     print(f"{step.overall:4.0%}  {step.stage}: {step.message}")
 
 
-def main(photos=PHOTOS, out=OUT, settings=None):
+def main(photos, out, settings=None):
     """Reconstruct, say what became of each photo, and write the results."""
-    out = Path(out)
-    try:
-        result = bsface.reconstruct(photos, settings, progress=show)
-    except bsface.ReconstructionError as error:
-        sys.exit(str(error))  # one sentence with the remedy
+    # It raises `bsface.ReconstructionError`, one sentence with the remedy.
+    result = bsface.reconstruct(photos, settings, progress=show)
 
     for photo in result.reports:
         if photo.status == "used":
@@ -40,10 +30,10 @@ def main(photos=PHOTOS, out=OUT, settings=None):
 
     m, n = result.surface.shape
     print(f"{m} x {n} control points in millimetres")
-    print("wrote", export(out / "face.npz", result))
-    print("wrote", write_report(out / "face.html", result))
+    print("wrote", result.save(out / "face.npz"))
+    print("wrote", bsface.write_report(out / "face.html", result))
     return result
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    start(main, __doc__)

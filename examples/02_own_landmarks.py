@@ -8,29 +8,24 @@ the iBUG order); from then on no detector and no model files are needed.
 """
 
 import shutil
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import bsface
-from bsface.landmarks.landmarks import Landmarks, write_landmarks
-from bsface.prepare import collect_photos
-
-PHOTOS = Path(__file__).resolve().parent / "photos"
-OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
+from _arguments import start
 
 
-def main(photos=PHOTOS, out=OUT, settings=None):
+def main(photos, out, settings=None):
     """Write landmark files beside copies of the photos and reconstruct from them."""
     settings = replace(settings or bsface.Settings(), landmarks="68")
-    folder = Path(out) / "photos_with_landmarks"
+    folder = out / "photos_with_landmarks"
     folder.mkdir(parents=True, exist_ok=True)
 
-    found = collect_photos(photos, settings)
+    found = bsface.reconstruct(photos, settings, method="motion")
     for photo, landmarks in zip(found.photos, found.landmarks, strict=True):
         assert photo.path is not None
         copy = Path(shutil.copy(photo.path, folder))
-        write_landmarks(copy.with_suffix(".pts"), landmarks)
+        bsface.write_landmarks(copy.with_suffix(".pts"), landmarks)
 
     # 1. Files: 000.pts beside 000.jpg is found by its name.
     result = bsface.reconstruct(folder, replace(settings, detector=False))
@@ -42,7 +37,7 @@ def main(photos=PHOTOS, out=OUT, settings=None):
     for landmarks in found.landmarks:
         weight = landmarks.weight.copy()
         weight[:17] = 0  # the outline of the jaw slides with the pose
-        mine[landmarks.photo] = Landmarks(
+        mine[landmarks.photo] = bsface.Landmarks(
             landmarks.photo, "68", landmarks.points, weight, source="hand"
         )
     result = bsface.reconstruct(
@@ -53,4 +48,4 @@ def main(photos=PHOTOS, out=OUT, settings=None):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    start(main, __doc__)

@@ -4,17 +4,12 @@
 python examples/03_look_inside.py [PHOTOS [OUT]]
 """
 
-import sys
-from pathlib import Path
-
 import bsface
 import numpy as np
-
-PHOTOS = Path(__file__).resolve().parent / "photos"
-OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
+from _arguments import start
 
 
-def main(photos=PHOTOS, out=OUT, settings=None):
+def main(photos, out, settings=None):
     """Walk through the parts of a `Reconstruction`."""
     result = bsface.reconstruct(photos, settings)
     surface = result.surface
@@ -62,4 +57,4 @@ def main(photos=PHOTOS, out=OUT, settings=None):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    start(main, __doc__)

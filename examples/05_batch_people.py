@@ -8,28 +8,24 @@ people.
 """
 
 import shutil
-import sys
-from pathlib import Path
 
+import bsface
+from _arguments import start
 from bsface.batch.run import run_batch
-from bsface.images.folder import list_photos
-
-PHOTOS = Path(__file__).resolve().parent / "photos"
-OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
 
 
-def main(photos=PHOTOS, out=OUT, settings=None):
+def main(photos, out, settings=None):
     """Run the same batch twice; the second finds everything done."""
-    people = Path(out) / "people"
+    people = out / "people"
     for k, name in enumerate(("first", "second")):
         (people / name).mkdir(parents=True, exist_ok=True)
-        for path in list_photos(photos)[k::2]:
+        for path in bsface.list_photos(photos)[k::2]:
             shutil.copy(path, people / name)
 
     def told(outcome, finished, total):
         print(f"[{finished}/{total}] {outcome.person}: {outcome.status}")
 
-    faces = Path(out) / "faces"
+    faces = out / "faces"
     wanted = ("face.npz", "face.step")
     outcomes = run_batch(people, faces, settings, wanted=wanted, workers=2, told=told)
     for outcome in outcomes:
@@ -46,4 +42,4 @@ def main(photos=PHOTOS, out=OUT, settings=None):
 
 # Needed here: worker processes import this file.
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    start(main, __doc__)

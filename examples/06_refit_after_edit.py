@@ -4,20 +4,12 @@
 python examples/06_refit_after_edit.py [PHOTOS [OUT]]
 """
 
-import sys
-from dataclasses import replace
-from pathlib import Path
-
 import bsface
 import numpy as np
-from bsface.formats import export
-from bsface.solve.constraint import hold
-
-PHOTOS = Path(__file__).resolve().parent / "photos"
-OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
+from _arguments import start
 
 
-def main(photos=PHOTOS, out=OUT, settings=None):
+def main(photos, out, settings=None):
     """Pull the tip of the nose out by 3 mm and continue from there."""
     first = bsface.reconstruct(photos, settings)
     b = first.surface.control_points.copy()
@@ -29,23 +21,26 @@ def main(photos=PHOTOS, out=OUT, settings=None):
 
     # The edited face becomes the template b_t of the next run; landmarks that are
     # known need not be found again.
+    known = {marks.photo: marks for marks in first.landmarks}
     second = bsface.reconstruct(
-        photos,
-        first.settings,
-        template=edited,
-        landmarks={marks.photo: marks for marks in first.landmarks},
+        photos, first.settings, template=edited, landmarks=known
     )
     moved = np.linalg.norm(second.surface.control_points - b, axis=2)[held]
     print(f"left free, the photos move the points by up to {moved.max():.1f} mm")
 
-    # Held points are observations of a smooth displacement; softness is their
-    # standard deviation.
-    kept = hold(second.surface, b, held, softness_mm=0.2)
-    moved = np.linalg.norm(kept.control_points - b, axis=2)[held]
+    # Held points are observations; softness is their standard deviation.
+    third = bsface.reconstruct(
+        photos,
+        first.settings,
+        template=edited,
+        landmarks=known,
+        constraint=bsface.Constraint(held, softness_mm=0.2),
+    )
+    moved = np.linalg.norm(third.surface.control_points - b, axis=2)[held]
     print(f"held, they are {moved.max():.1f} mm away at most")
-    export(Path(out) / "refit.npz", replace(second, surface=kept))
-    return edited, held, kept
+    third.save(out / "refit.npz")
+    return edited, held, third.surface
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    start(main, __doc__)

@@ -4,35 +4,29 @@
 python examples/07_compare_faces.py [PHOTOS [OUT]]
 """
 
-import sys
-from pathlib import Path
-
 import bsface
-from bsface.compare import compare, comparison_picture
+from _arguments import start
+from bsface.compare import comparison_picture
 from bsface.drawing.pictures import write_png
-from bsface.images.folder import list_photos
-
-PHOTOS = Path(__file__).resolve().parent / "photos"
-OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
 
 
-def main(photos=PHOTOS, out=OUT, settings=None):
+def main(photos, out, settings=None):
     """Compare faces from two disjoint halves of the photos, and with the average."""
-    paths = list_photos(photos)
+    paths = bsface.list_photos(photos)
     first = bsface.reconstruct(paths[0::2], settings)
     second = bsface.reconstruct(paths[1::2], settings)
-    halves = compare(first.surface, second.surface, first.template)
+    halves = bsface.compare(first.surface, second.surface, first.template)
     print("the two halves:", halves.summary())
 
     average = bsface.load_template()
     # The average head has another size: bring it to that of the result.
-    against = compare(first.surface, average.surface, average, keep_size=False)
+    against = bsface.compare(first.surface, average.surface, average, keep_size=False)
     print("the average face:", against.summary())
 
     picture = comparison_picture(halves, first.surface, first.template)
-    print("wrote", write_png(Path(out) / "halves.png", picture))
+    print("wrote", write_png(out / "halves.png", picture))
     return halves, against
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    start(main, __doc__)

@@ -4,29 +4,24 @@
 python examples/08_texture.py [PHOTOS [OUT]]
 """
 
-import sys
-from pathlib import Path
-
 import bsface
+from _arguments import start
 from bsface.drawing.pictures import write_png
 from bsface.drawing.render import render_views
 from bsface.images.colour import to_picture
-from bsface.texture.bake import bake_texture, write_texture
-
-PHOTOS = Path(__file__).resolve().parent / "photos"
-OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
 
 
-def main(photos=PHOTOS, out=OUT, settings=None, size=None):
+def main(photos, out, settings=None, size=None):
     """Bake albedo and mean texture; ``size`` None takes what the photos are worth."""
-    out = Path(out)
     result = bsface.reconstruct(photos, settings)
-    texture = bake_texture(result, size)
+    texture = bsface.bake_texture(result, size)
     print(f"{texture.size} texels a side, {texture.measured.mean():.0%} seen by photos")
 
     # 16 bits a channel; what no photo saw is filled smoothly and marked in the mask.
-    write_texture(out / "albedo.png", texture.albedo, depth=16, mask=texture.measured)
-    write_texture(out / "mean.png", texture.mean)
+    bsface.write_texture(
+        out / "albedo.png", texture.albedo, depth=16, mask=texture.measured
+    )
+    bsface.write_texture(out / "mean.png", texture.mean)
 
     picture = to_picture(texture.mean)
     views = render_views(result.surface, result.template, colours=picture, shading=0.0)
@@ -35,4 +30,4 @@ def main(photos=PHOTOS, out=OUT, settings=None, size=None):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    start(main, __doc__)

@@ -4,10 +4,8 @@
 python examples/09_algorithm_step_by_step.py [PHOTOS [OUT]]
 """
 
-import sys
-from pathlib import Path
-
 import bsface
+from _arguments import start
 from bsface.landmarks.observations import observe_landmarks
 from bsface.prepare import collect_photos
 from bsface.solve.joint.samples import sample_grid
@@ -15,11 +13,8 @@ from bsface.solve.paper.algorithm1 import Limits, algorithm1, paper_steps
 from bsface.solve.paper.methods import sample_photos
 from bsface.solve.paper.shading import ShadingParameters
 
-PHOTOS = Path(__file__).resolve().parent / "photos"
-OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
 
-
-def main(photos=PHOTOS, out=OUT, settings=None):
+def main(photos, out, settings=None):
     """Run the loops by hand; stopping is ceasing to iterate."""
     settings = settings or bsface.Settings()
     found = collect_photos(photos, settings)
@@ -51,4 +46,4 @@ def main(photos=PHOTOS, out=OUT, settings=None):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    start(main, __doc__)

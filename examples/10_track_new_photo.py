@@ -4,28 +4,20 @@
 python examples/10_track_new_photo.py [PHOTOS [OUT]]
 """
 
-import sys
-from pathlib import Path
-
 import bsface
 import cv2
 import numpy as np
+from _arguments import start
 from bsface.drawing.pictures import write_png
-from bsface.formats import export, load_face
-from bsface.images.folder import list_photos
-
-PHOTOS = Path(__file__).resolve().parent / "photos"
-OUT = Path(__file__).resolve().parents[1] / "out" / "examples"
 
 
-def main(photos=PHOTOS, out=OUT, settings=None):
+def main(photos, out, settings=None):
     """Make the face without the last photo, then find it in that one."""
-    out = Path(out)
-    *known, new = list_photos(photos)
-    export(out / "known.npz", bsface.reconstruct(known, settings))
+    *known, new = bsface.list_photos(photos)
+    bsface.reconstruct(known, settings).save(out / "known.npz")
 
     # The face file is all that is needed from here on.
-    face = load_face(out / "known.npz")
+    face = bsface.load(out / "known.npz")
     (found,) = bsface.track(new, face).photos
     yaw, pitch, roll = found.camera.yaw_pitch_roll
     print(f"{found.name}: yaw {yaw:.0f}, pitch {pitch:.0f}, roll {roll:.0f} degrees")
@@ -43,16 +35,16 @@ def net_on_photo(found, lines=24):
     picture = np.ascontiguousarray(found.photo.bytes8())
     at = np.linspace(0.02, 0.98, lines)
     u, v = np.meshgrid(at, np.linspace(0.02, 0.98, 200), indexing="ij")
-    for a, b in ((u, v), (v, u)):
-        points = found.surface.evaluate(a, b)
+    for uv in ((u, v), (v, u)):
+        points = found.surface.evaluate(*uv)
         toward = found.camera.toward(points)
-        front = (toward * found.surface.normals(a, b)).sum(-1) > 0.15
+        front = (toward * found.surface.normals(*uv)).sum(-1) > 0.15
         pixels = found.photo.to_window(found.camera.project(points))
         for line, seen in zip(np.round(pixels).astype(np.int32), front, strict=True):
-            for start, end in zip(line[:-1][seen[1:]], line[1:][seen[1:]], strict=True):
-                cv2.line(picture, start.tolist(), end.tolist(), (90, 230, 140))
+            for a, b in zip(line[:-1][seen[1:]], line[1:][seen[1:]], strict=True):
+                cv2.line(picture, a.tolist(), b.tolist(), (90, 230, 140))
     return picture
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    start(main, __doc__)

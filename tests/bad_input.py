@@ -1,8 +1,7 @@
 """The table of bad input: calls that cannot be carried out, or only with a warning.
 
-Shared by the tests, which run every row through the library, the command line and
-Blender's operators (`bad_input_doors`), and by ``docs/bad_input_page.py``, which writes
-the messages to ``docs/bad_input.md``. Bad photos in a good folder: `bad_photos`.
+The tests run every row through the library, the command line and Blender's operators
+(`bad_input_doors`). Bad photos in a good folder: `bad_photos`.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ import contextlib
 import os
 import pickle
 import shutil
-import sys
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
@@ -20,14 +18,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import cv2
 import numpy as np
 from bad_photos import EXAMPLES
 from bsface.surface.template import BUNDLED
 from fake_face import person_folder
-from permissions import as_ordinary_user, no_larger_files
+from permissions import as_ordinary_user, little_memory, no_larger_files
 
 ROOT = Path(__file__).resolve().parents[1]
 QUICK = [
@@ -44,15 +41,14 @@ class JobRow:
 
     ``make`` lays things out in an empty folder and returns the words of the command
     line; ``exit`` is the exit code, ``words`` a part of the sentence. Within
-    ``hold(package)`` the fault lasts, such as a full disk; the package is the core's
-    name, which differs in Blender.
+    ``hold()`` the fault lasts, such as a full disk; all faults are real.
     """
 
     title: str
     make: Callable[[Path], list[str]]
     exit: int
     words: str
-    hold: Callable[[str], Any] = contextlib.nullcontext
+    hold: Callable[[], Any] = contextlib.nullcontext
     library: bool = True  #: whether the library has this door too
     blender: str = "reconstruct"  #: operator that meets the fault; "" = none
     models: bool = False  #: whether the face models are needed
@@ -164,33 +160,32 @@ def _output_below_file(folder: Path) -> str:
     return good_folder(folder)
 
 
-def ordinary_user(package: str) -> Any:
-    return as_ordinary_user()
-
-
-def small_disk(package: str) -> Any:
+def small_disk() -> Any:
     return no_larger_files(5000)
 
 
 @contextlib.contextmanager
-def full_disk(package: str) -> Iterator[None]:
-    with mock.patch("os.replace", side_effect=OSError(28, "No space left on device")):
+def no_models() -> Iterator[None]:
+    """No folder in which a library outside of Blender looks holds the models."""
+    names = {"XDG_CACHE_HOME": "/nowhere", "BSFACE_MODELS": "/nowhere"}
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(names)
+    try:
         yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
 
 
-@contextlib.contextmanager
-def little_memory(package: str) -> Iterator[None]:
-    module = sys.modules[f"{package}.reconstruct"]
-    with mock.patch.object(module, "estimate_motion", side_effect=MemoryError):
-        yield
-
-
-@contextlib.contextmanager
-def no_models(package: str) -> Iterator[None]:
-    module = sys.modules[f"{package}.landmarks.face_models"]
-    nowhere = (Path("/nowhere/models"),)
-    with mock.patch.object(module, "model_folders", return_value=nowhere):
-        yield
+def _vast(folder: Path) -> str:
+    """96 megapixels that take no room on the disk but 288 MB in memory."""
+    photos = Path(good_folder(folder))
+    with (photos / "9.pgm").open("wb") as file:
+        start = file.write(b"P5\n12000 8000\n255\n")
+        file.truncate(start + 96_000_000)
+    return str(photos)
 
 
 def _bomb_file(folder: Path) -> list[str]:
@@ -247,7 +242,7 @@ def job_rows() -> list[JobRow]:
             call(_locked),
             1,
             "check its permissions",
-            ordinary_user,
+            as_ordinary_user,
         ),
         JobRow("no picture can be read", call(_unreadable), 1, "None of the 2 photos"),
         JobRow("folder linked to itself", call(_loop), 1, "cannot open"),
@@ -274,27 +269,28 @@ def job_rows() -> list[JobRow]:
             "all photos set aside",
             call(good_folder, "--ignore=0.png", "--ignore=1.png", "--ignore=2.png"),
             1,
-            "3 are set aside",
+            "(3 set aside)",
         ),
         JobRow(
             "the detector's files are missing",
             lambda f: _without_detector(call(lambda f: str(EXAMPLES))(f)),
             1,
-            "dev.py setup",
+            "bsface models fetch",
             no_models,
+            blender="",  # the extension's zip brings them
         ),
         JobRow(
             "no face in any photo",
             lambda f: _without_detector(call(_walls)(f)),
             1,
-            "2 show no face",
+            "(2 no face found)",
             models=True,
         ),
         JobRow(
             "all photos black",
             lambda f: _without_detector(call(lambda f: _walls(f, 0))(f)),
             1,
-            "2 show no face",
+            "(2 no face found)",
             models=True,
         ),
         JobRow("profiles only", call(_profiles), 0, "from the front"),
@@ -316,17 +312,14 @@ def job_rows() -> list[JobRow]:
             call(_read_only_output),
             2,
             "no permission",
-            ordinary_user,
+            as_ordinary_user,
         ),
-        JobRow("the disk is full", call(good_folder), 1, "free space", full_disk),
         JobRow("the disk fills up", call(good_folder), 1, "free space", small_disk),
         JobRow("unknown ending", call(good_folder, out="face.doc"), 2, "ending"),
         JobRow("no ending", call(good_folder, out="face"), 2, "ending"),
     ]
     output = [replace(row, blender="export") for row in output]
-    photos.append(
-        JobRow("not enough memory", call(good_folder), 1, "memory", little_memory)
-    )
+    photos.append(JobRow("not enough memory", call(_vast), 1, "memory", little_memory))
     options = [
         ("net too small", "control_points=3,3"),
         ("net too large", "control_points=500,500"),

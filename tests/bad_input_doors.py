@@ -10,13 +10,11 @@ import contextlib
 import io
 import json
 import os
-import re
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from bad_input import ROOT, JobRow
+from bad_input import JobRow
 from bsface import ReconstructionError, Settings, __main__, load_template, reconstruct
 from bsface.formats import export
 
@@ -88,17 +86,16 @@ def make_face(words: list[str]) -> None:
     )
 
 
-def operator(row: JobRow, words: list[str], package: str) -> str:
+def operator(row: JobRow, words: list[str]) -> str:
     """What Blender says: the error of the operator, or the hint in the panel.
 
-    The add-on is registered as part of ``package``. A row about the output is met by
-    ``bsface.export`` and wants a face (`make_face`), all others by
-    ``bsface.reconstruct``.
+    A row about the output is met by ``bsface.export`` and wants a face (`make_face`),
+    all others by ``bsface.reconstruct``.
     """
     import bpy
 
     try:
-        with row.hold(f"{package}.core"):
+        with row.hold():
             if row.blender == "export":
                 bpy.ops.bsface.export(filepath=words[2])
             else:
@@ -107,45 +104,3 @@ def operator(row: JobRow, words: list[str], package: str) -> str:
         return str(error).strip().removeprefix("Error: ")
     hints = bpy.context.scene.bsface.hints.splitlines()
     return next(line for line in hints if row.words in line)
-
-
-# --- the page ------------------------------------------------------------------------
-
-PAGE = ROOT / "docs" / "bad_input.md"
-EXIT, COMMAND_LINE, PYTHON, BLENDER = 1, 2, 3, 4  # columns of the table of calls
-
-
-def cell(folder: Path, text: object) -> str:
-    """A cell of the page, with the test's folder shown as a user's."""
-    shown = (
-        str(text).replace(str(folder), "/home/ann").replace(str(ROOT), "/opt/bsface")
-    )
-    return re.sub("(/x{9})[x/]*", r"\1...", shown).replace("|", "\\|")
-
-
-def line(folder: Path, *cells: object) -> str:
-    """A line of a table."""
-    return f"| {' | '.join(cell(folder, text) for text in cells)} |"
-
-
-def same(told: str, sentence: str) -> str:
-    """The cell of a door that tells ``told`` where the command line has a sentence."""
-    return "the same" if told == sentence else told
-
-
-@lru_cache
-def _page() -> dict[str, list[str]]:
-    lines = PAGE.read_text("utf-8").splitlines()
-    rows = [line[2:-2].split(" | ") for line in lines if line.startswith("| ")]
-    return {row[0]: row for row in rows}
-
-
-def shown_as(folder: Path, row: JobRow, column: int, told: object) -> None:
-    """Assert that the page shows what a door says to a call."""
-    cells = _page().get(row.title, [""] * 5)
-    said = cell(folder, told)
-    if column in (PYTHON, BLENDER):
-        said = same(said, cells[COMMAND_LINE])
-    assert cells[column] == said, (
-        "docs/bad_input.md shows something else: run python docs/bad_input_page.py"
-    )

@@ -210,7 +210,7 @@ def detector_rows(folder: Path) -> list[PhotoRow]:
     add("two faces", "two.png", "used", np.hstack([pictures[3], pictures[4]]))
     add("upside down", "fallen.png", "used", pictures[4][::-1, ::-1])
     glasses = covered(picture(8), glasses=True)
-    add("sunglasses in one photo", "sun.png", "other_person", glasses)
+    add("sunglasses in one photo", "sun.png", "used", glasses)
     add("a mask over nose and mouth", "mask.png", "used", covered(picture(14), True))
     veiled = covered(pictures[2], mask=True, glasses=True)
     add("mask and sunglasses", "veil.png", "no_face", veiled)

@@ -1,4 +1,4 @@
-"""The rights of an ordinary user, and a full disk, also where tests run as root.
+"""The rights of an ordinary user, a full disk and little memory, also for root.
 
 Both are real: the system refuses, nothing is mocked.
 """
@@ -8,8 +8,10 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import re
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 # Linux: root's right to read, write and search whatever the permissions say.
 _OVERRIDE = (1 << 1) | (1 << 2)
@@ -49,3 +51,18 @@ def no_larger_files(size: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@contextlib.contextmanager
+def little_memory(more: int = 150_000_000) -> Iterator[None]:
+    """Within the block this process gets at most ``more`` further bytes (Linux)."""
+    import resource
+
+    status = Path("/proc/self/status").read_text("ascii")
+    (now,) = re.findall(r"^VmData:\s+(\d+) kB$", status, re.MULTILINE)
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (1024 * int(now) + more, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))

@@ -2,8 +2,9 @@
 
 A zip holds the add-on, the core, the wheels of SciPy, OpenCV and the readers of HEIC
 and AVIF for one platform and one Python, and the two face model files, so that
-nothing is downloaded after the installation. NumPy is Blender's own. Blender 4.5 to 5.0 have Python 3.11,
-5.1 and later 3.13; a zip for both would break in some versions, hence two.
+nothing is downloaded after the installation. NumPy is Blender's own. Blender 4.5
+to 5.0 have Python 3.11, 5.1 and later 3.13; a zip for both would break in some
+versions, hence two.
 
     python tools/build_extension.py                                 all of them
     python tools/build_extension.py --platform linux-x64 --python 3.11
@@ -26,7 +27,9 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from fetch_models import FetchError, cache_folder, fetch_models
+from bsface.errors import ReconstructionError  # pyright: ignore[reportMissingImports]
+from bsface.landmarks.face_models import user_cache  # pyright: ignore[reportMissingImports]
+from bsface.landmarks.model_fetching import fetch_models  # pyright: ignore[reportMissingImports]
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("scipy", "opencv-python-headless", "pi-heif", "pillow")
@@ -88,7 +91,7 @@ def target_here() -> Target:
 
 def wheels(target: Target, cache: Path | None = None) -> tuple[Path, ...]:
     """Wheels of a target, downloaded where the cache has not got them."""
-    folder = (cache_folder() / "wheels" if cache is None else cache) / target.tag
+    folder = (user_cache() / "wheels" if cache is None else cache) / target.tag
     pins = _pins()
     patterns = [f"{name.replace('-', '_')}-{pins[name]}-*.whl" for name in PACKAGES]
     if not all(list(folder.glob(pattern)) for pattern in patterns):
@@ -215,7 +218,7 @@ def main() -> int:
         for target in chosen:
             path = build(target, arguments.output)
             print(f"{path}  {path.stat().st_size / 1e6:.0f} MB", flush=True)
-    except (BuildError, FetchError) as error:
+    except (BuildError, ReconstructionError) as error:
         print(f"build_extension: {error}", file=sys.stderr)
         return 1
     return 0

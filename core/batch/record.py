@@ -8,6 +8,7 @@ and the hash of every file written: a person is skipped when both still fit.
 from __future__ import annotations
 
 import csv
+import dataclasses
 import hashlib
 import io
 import json
@@ -21,7 +22,7 @@ from ..errors import ReconstructionError
 from ..files import write_text
 from ..images.folder import list_photos
 from ..landmarks.landmarks import landmark_file_beside
-from ..report.facts import versions
+from ..report.facts import SCHEMA, versions
 
 RECORD = "done.json"
 
@@ -177,6 +178,12 @@ def _cell(text: str) -> str:
 
 def _remark(outcome: Outcome) -> str:
     return outcome.reason or " ".join(outcome.warnings)
+
+
+def batch_facts(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """The same for programs; ``docs/result.schema.json`` describes it."""
+    people = [dataclasses.asdict(outcome) for outcome in outcomes]
+    return {"schema": SCHEMA, "people": people}
 
 
 def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:

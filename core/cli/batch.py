@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import dataclasses
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 
 from ..batch.memory import parse_memory
-from ..batch.record import Outcome, summary_lines
+from ..batch.record import Outcome, batch_facts, summary_lines
 from ..batch.run import WANTED, run_batch
 from ..errors import ReconstructionError
 from ..json_text import to_json
-from ..report.facts import SCHEMA
 from .arguments import parse_settings
 from .terminal import say, write_out
 
@@ -98,8 +96,7 @@ def main(argv: Sequence[str], executor: Executor | None = None) -> int:
         say("interrupted; the same command goes on from here")
         return 130
     if options.json:
-        people = [dataclasses.asdict(outcome) for outcome in outcomes]
-        text = to_json({"schema": SCHEMA, "people": people}, indent=1)
+        text = to_json(batch_facts(outcomes), indent=1)
     else:
         text = "\n".join(summary_lines(outcomes))
     code = write_out(text + "\n")

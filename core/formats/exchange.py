@@ -134,7 +134,7 @@ def outline_curves(outline_uv: Array, count: int = 48) -> tuple[ExchangeCurve, .
         at = np.linspace(0, length[-1], count + 1)
         points = np.stack([np.interp(at, length, c) for c in closed.T], axis=1)
         points[-1] = points[0]
-        return (_inside(_closed_curve(at / length[-1], points)),)
+        return (_inside(closed_curve(at / length[-1], points)),)
     curves = []
     for first, last in zip(corners, np.roll(corners, -1), strict=True):
         index = np.arange(first, last + 1 + (len(polygon) if last <= first else 0))
@@ -146,7 +146,7 @@ def outline_curves(outline_uv: Array, count: int = 48) -> tuple[ExchangeCurve, .
             steps = max(6, round(count * arc[-1] / length[-1]))
         at = np.linspace(0, 1, steps + 1)
         points = np.stack([np.interp(at * arc[-1], arc, c) for c in part.T], axis=1)
-        curves.append(_inside(_open_curve(at, points)))
+        curves.append(_inside(open_curve(at, points)))
     return tuple(curves)
 
 
@@ -180,15 +180,16 @@ def _edges(
     surface: BSplineSurface, outline: tuple[ExchangeCurve, ...]
 ) -> tuple[ExchangeCurve, ...]:
     """The curves of the outline in space."""
-    make = _closed_curve if len(outline) == 1 else _open_curve
-    return tuple(_edge(surface, curve, make) for curve in outline)
+    make = closed_curve if len(outline) == 1 else open_curve
+    return tuple(edge_in_space(surface, curve, make) for curve in outline)
 
 
-def _edge(
+def edge_in_space(
     surface: BSplineSurface,
     curve: ExchangeCurve,
     make: Callable[[Array, Array], ExchangeCurve],
 ) -> ExchangeCurve:
+    """The curve in space of a curve in (u, v) of the file, with the same parameter."""
     # A straight line in (u, v) still crosses the knots of the surface.
     count = max(64, 8 * (len(curve.control_points) - 3))
     while True:
@@ -205,7 +206,7 @@ def _on_surface(surface: BSplineSurface, uv: Array) -> Array:
     return surface.evaluate(uv[:, 0], 1.0 - uv[:, 1])
 
 
-def _open_curve(t: Array, points: Array) -> ExchangeCurve:
+def open_curve(t: Array, points: Array) -> ExchangeCurve:
     """Cubic B-spline through points at parameters ``t`` from 0 to 1."""
     spline = scipy.interpolate.make_interp_spline(t, points, k=3)
     control = np.asarray(spline.c).copy()
@@ -213,7 +214,7 @@ def _open_curve(t: Array, points: Array) -> ExchangeCurve:
     return ExchangeCurve(control, np.asarray(spline.t))
 
 
-def _closed_curve(t: Array, points: Array) -> ExchangeCurve:
+def closed_curve(t: Array, points: Array) -> ExchangeCurve:
     """Periodic cubic B-spline through points, with four knots at either end; exact.
 
     Between the end knots the periodic and the clamped form span the same space, so

@@ -438,8 +438,10 @@ def _reports(arrays: Arrays) -> tuple[PhotoReport, ...]:
             if name in PhotoReport.__dataclass_fields__
             and name not in ("name", "status", "reason")
         }
-        texts = (str(row.get(key, "")) for key in ("name", "status", "reason"))
-        out.append(PhotoReport(*texts, **number))
+        name, status, reason = (
+            str(row.get(key, "")) for key in ("name", "status", "reason")
+        )
+        out.append(PhotoReport(name, status, reason, **number))
     return tuple(out)
 
 

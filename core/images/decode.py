@@ -20,6 +20,10 @@ from ..errors import PhotoFailure, out_of_memory
 from .header import OPTIONAL, READABLE, ImageHeader
 
 MIN_SIDE = 32
+# Raw files begin as TIFF does, with a thumbnail that must not pass for the photo.
+RAW_ENDINGS = frozenset((
+    ".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2", ".pef", ".srw",
+))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -70,10 +74,8 @@ def why_not(error: OSError) -> str:
     return text[:1].lower() + text[1:]
 
 
-def file_bytes(
-    path: Path, name: str, limits: Limits = LIMITS
-) -> Picture8 | PhotoFailure:
-    """(n,) uint8 content of a regular file of a sensible size."""
+def judge_file(path: Path, name: str) -> PhotoFailure | None:
+    """Why a file cannot be opened, or None if it can."""
     try:
         info = path.stat()
         if not stat.S_ISREG(info.st_mode):
@@ -87,21 +89,40 @@ def file_bytes(
                 "unreadable",
                 f"{name} is empty (zero bytes); copy it again.",
             )
-        if info.st_size > limits.file_bytes:
+        with path.open("rb"):
+            return None
+    except (OSError, ValueError) as error:
+        return _cannot_be_opened(name, error)
+
+
+def file_bytes(
+    path: Path, name: str, limits: Limits = LIMITS
+) -> Picture8 | PhotoFailure:
+    """(n,) uint8 content of a regular file of a sensible size."""
+    failure = judge_file(path, name)
+    if failure is not None:
+        return failure
+    try:
+        size = path.stat().st_size
+        if size > limits.file_bytes:
             return PhotoFailure(
                 name,
                 "too_large",
-                f"{name} has {info.st_size / 1e6:.0f} MB, more than "
+                f"{name} has {size / 1e6:.0f} MB, more than "
                 f"{limits.file_bytes / 1e6:.0f}; save it smaller.",
             )
         return np.fromfile(path, np.uint8)
-    except (OSError, ValueError) as error:
-        why = why_not(error) if isinstance(error, OSError) else str(error)
-        return PhotoFailure(
-            name,
-            "unreadable",
-            f"{name} cannot be opened ({why}); check the file and its permissions.",
-        )
+    except OSError as error:
+        return _cannot_be_opened(name, error)
+
+
+def _cannot_be_opened(name: str, error: OSError | ValueError) -> PhotoFailure:
+    why = why_not(error) if isinstance(error, OSError) else str(error)
+    return PhotoFailure(
+        name,
+        "unreadable",
+        f"{name} cannot be opened ({why}); check the file and its permissions.",
+    )
 
 
 def judge_header(
@@ -163,7 +184,7 @@ def decode(data: Picture8, reduction: int) -> np.ndarray | None:
     # COLOR applies the EXIF turn and gives three channels; ANYDEPTH keeps 16 bits.
     flags = _REDUCED[reduction] | cv2.IMREAD_ANYDEPTH
     try:
-        with _quiet():
+        with quiet():
             pixels = cv2.imdecode(data, flags)
     except cv2.error as error:
         if out_of_memory(error):
@@ -175,11 +196,14 @@ def decode(data: Picture8, reduction: int) -> np.ndarray | None:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """OpenCV warns on stderr about each damaged file; we say it in the report."""
-    level = cv2.getLogLevel()
-    cv2.setLogLevel(_SILENT)
+    # OpenCV 4.13 moved the two functions.
+    moved = getattr(cv2.utils, "logging", None)
+    log = cv2 if hasattr(cv2, "getLogLevel") or moved is None else moved
+    level = log.getLogLevel()
+    log.setLogLevel(_SILENT)
     try:
         yield
     finally:
-        cv2.setLogLevel(level)
+        log.setLogLevel(level)

@@ -33,7 +33,7 @@ _D65 = (0.3127, 0.3290)
 # Transfer characteristics of H.273 table 3 that are read as sRGB's curve: its own,
 # "unspecified", and those of standard video, which screens show alike.
 _LIKE_SRGB = frozenset((1, 2, 6, 13, 14, 15))
-_HDR = {16: "PQ", 18: "HLG"}
+HDR = {16: "PQ", 18: "HLG"}
 
 
 def embedded_profile(data: Picture8, kind: str) -> RgbProfile | None:
@@ -72,8 +72,8 @@ def coded_profile(primaries: int, transfer: int) -> RgbProfile | None:
     ProfileError
         The curve is one for high dynamic range, or unknown.
     """
-    if transfer in _HDR:
-        raise ProfileError(f"it is a picture of high dynamic range ({_HDR[transfer]})")
+    if transfer in HDR:
+        raise ProfileError(f"it is a picture of high dynamic range ({HDR[transfer]})")
     if transfer == 8:
         curve = Curve(np.empty(0), np.array([1.0, 1, 0, 0, 0, 0, 0]))
     elif transfer in _LIKE_SRGB:

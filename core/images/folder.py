@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import ReconstructionError
-from .decode import why_not
+from .decode import RAW_ENDINGS, why_not
 from .png import is_marked
 
 READABLE_ENDINGS = frozenset((
@@ -20,10 +20,7 @@ READABLE_ENDINGS = frozenset((
 ))  # fmt: skip
 # Pictures that people do put into the folder and that cannot be read: they are
 # listed so that each gets its sentence.
-FOREIGN_ENDINGS = frozenset((
-    ".gif", ".jxl", ".cr2", ".cr3", ".nef", ".arw", ".dng", ".raf", ".orf", ".rw2",
-    ".psd",
-))  # fmt: skip
+FOREIGN_ENDINGS = RAW_ENDINGS | {".gif", ".jxl", ".psd"}
 VIDEO_ENDINGS = frozenset((
     ".mp4", ".mov", ".m4v", ".webm", ".avi", ".mkv",
 ))  # fmt: skip
@@ -52,10 +49,11 @@ class FolderScan:
     photos, videos : tuple of pathlib.Path
         A file counts by its ending; whether it can be read is the reader's question.
     passed_over : tuple of PassedOver
-        Pictures that bsface wrote, links to folders, files of other kinds. Hidden
-        files and landmark files are not named.
+        Pictures that bsface wrote, and links to folders.
     photo_folders : tuple of str
         Sub-folders that hold photos or videos and were not entered.
+    others : tuple of str
+        Names of files of other kinds, hidden and landmark files left out.
     """
 
     folder: Path
@@ -63,6 +61,7 @@ class FolderScan:
     videos: tuple[Path, ...]
     passed_over: tuple[PassedOver, ...]
     photo_folders: tuple[str, ...]
+    others: tuple[str, ...]
 
     @property
     def sources(self) -> tuple[Path, ...]:
@@ -75,7 +74,7 @@ class FolderScan:
         return path.relative_to(self.folder).as_posix()
 
     def hints(self) -> tuple[str, ...]:
-        """Sentences on what was not read; none if everything was."""
+        """Sentences on what may have been meant for photos and was not read."""
         found = [item.reason for item in self.passed_over[:_NAMED]]
         more = len(self.passed_over) - _NAMED
         if more > 0:
@@ -114,6 +113,7 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
     files: dict[str, list[Path]] = {"photo": [], "video": []}
     passed_over: list[PassedOver] = []
     photo_folders: list[str] = []
+    others: list[str] = []
     waiting, seen = [folder], set()
     while waiting:
         current = waiting.pop()
@@ -137,8 +137,7 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
                 why = f"{name} was written by bsface and is not read as a photo."
                 passed_over.append(PassedOver(name, why))
             elif kind == "other":
-                why = f"{name} is neither a photo nor a video."
-                passed_over.append(PassedOver(name, why))
+                others.append(name)
             elif kind in files:
                 files[kind].append(path)
 
@@ -151,7 +150,13 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
         tuple(sorted(files["video"], key=order)),
         tuple(sorted(passed_over, key=lambda item: natural_key(item.name))),
         tuple(sorted(photo_folders, key=natural_key)),
+        tuple(sorted(others, key=natural_key)),
     )
+
+
+def is_video(path: Path) -> bool:
+    """Whether a file is a video by its ending."""
+    return path.suffix.lower() in VIDEO_ENDINGS
 
 
 def list_photos(folder: str | os.PathLike, recursive: bool = False) -> tuple[Path, ...]:

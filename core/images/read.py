@@ -15,7 +15,16 @@ from .._types import Picture8
 from ..errors import PhotoFailure
 from .codecs import MissingPackage, decode_optional
 from .convert import to_srgb
-from .decode import LIMITS, MIN_SIDE, Limits, damaged, decode, file_bytes, judge_header
+from .decode import (
+    LIMITS,
+    MIN_SIDE,
+    RAW_ENDINGS,
+    Limits,
+    damaged,
+    decode,
+    file_bytes,
+    judge_header,
+)
 from .embedded import embedded_profile
 from .header import OPTIONAL, ImageHeader, read_header
 from .icc import ProfileError
@@ -55,6 +64,14 @@ def read_photo(
     if isinstance(data, PhotoFailure):
         return data
     header = read_header(data)
+    raw = path.suffix.lower() in RAW_ENDINGS
+    if raw and (header is None or header.format == "TIFF"):
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} is a raw photo, which cannot be read here; develop it and export "
+            "it as JPEG, PNG or TIFF.",
+        )
     failure = judge_header(header, name, limits)
     if failure is not None:
         return failure

@@ -33,13 +33,15 @@ from .landmarks import (
     landmark_file_beside,
     read_landmarks,
 )
-from .plausibility import FaceFit, fit_face, judge_fit
+from .plausibility import FaceFit, fit_face, judge_fit, outside
 from .quality import judge_quality
 
 # The cut-out is the box of all the face's landmarks, so much larger.
 BOX_FACTOR = 1.45
 MAX_SIDE = 1024
 MAX_FACES = 6
+# A face with more of its landmarks outside the picture gets a note.
+CUT_OFF = 0.02
 # Landmarks whose augmentations scatter by this part of the eye distance weigh half.
 HALF_WEIGHT_SIGMA = 0.02
 
@@ -81,12 +83,12 @@ class CandidateReader:
 
     def read(
         self,
-        source: str | os.PathLike | np.ndarray,
+        source: str | os.PathLike | np.ndarray | Photo,
         name: str,
         check_cancelled: CheckCancelled,
     ) -> tuple[Candidate, ...] | PhotoFailure:
         """The faces of one photo, the largest first."""
-        photo = read_photo(source, name)
+        photo = source if isinstance(source, Photo) else read_photo(source, name)
         if isinstance(photo, PhotoFailure):
             return photo
         digest = _digest(photo.pixels)
@@ -185,6 +187,10 @@ class CandidateReader:
     def _judge(self, photo: Photo, found: Landmarks) -> Candidate:
         """The cut-out of one face, and whether it is of use."""
         landmarks = self._reduced(found)
+        cut_off = outside(found, photo.size)
+        if cut_off > CUT_OFF:
+            note = f"cut by the picture's edge: {100 * cut_off:.0f} % of it is outside"
+            landmarks = replace(landmarks, note=note)
         fit = self._fit(landmarks.points, landmarks.scheme, landmarks.weight)
         failure = judge_fit(fit, landmarks, photo.size)
         if failure is None:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..images.remap import read_between
+
 # Side of the mesh's crop over the side of the landmarks' box.
 CROP_MARGIN = 1.5
 
@@ -65,14 +67,15 @@ def sample(levels: list[np.ndarray], crop: Crop, size: int) -> np.ndarray:
     # stands between a level's pixels and the original's.
     corner = crop.centre + axes @ np.full(2, 0.5 - size / 2)
     corner = (corner + 0.5) / 2**level - 0.5
-    matrix = np.column_stack([axes / 2**level, corner])
-    return cv2.warpAffine(
-        levels[level],
-        matrix,
-        (size, size),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_CONSTANT,
-    )
+    across, down = np.meshgrid(np.arange(size), np.arange(size))
+    xy = corner + np.stack([across, down], -1) @ (axes / 2**level).T
+    # Only the part that is read becomes floating point.
+    h, w = levels[level].shape[:2]
+    low = np.clip(np.floor(xy.min((0, 1))).astype(int) - 1, 0, (w - 1, h - 1))
+    high = np.clip(np.ceil(xy.max((0, 1))).astype(int) + 2, low + 1, (w, h))
+    part = levels[level][low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    found = read_between(part, xy - low, cv2.BORDER_CONSTANT)
+    return np.rint(found).astype(np.uint8)
 
 
 def windows_of(w: int, h: int, levels: Sequence[float]) -> list[Crop]:

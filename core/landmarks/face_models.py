@@ -1,4 +1,4 @@
-"""Where the two network files lie, and loading them."""
+"""Where the files of the face networks lie, and loading the TFLite ones."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from ..errors import ReconstructionError, out_of_memory
 
 DETECTOR_FILE = "face_detection_short_range.tflite"
 MESH_FILE = "face_landmark.tflite"
+RECOGNITION_FILE = "dlib_face_recognition_resnet_model_v1.dat"
 OLDEST_OPENCV = (4, 11)
 
 
 @dataclass(frozen=True)
 class ModelFiles:
-    """Where the two networks lie."""
+    """Where the networks lie: face detector, face mesh, face recognition."""
 
     detector: Path
     mesh: Path
+    recognition: Path
 
 
 def model_folders(folder: str | os.PathLike | None = None) -> tuple[Path, ...]:
@@ -54,7 +56,7 @@ def user_cache() -> Path:
 
 
 def find_models(folder: str | os.PathLike | None = None) -> ModelFiles:
-    """The two networks' files.
+    """The networks' files.
 
     Parameters
     ----------
@@ -66,15 +68,15 @@ def find_models(folder: str | os.PathLike | None = None) -> ModelFiles:
     Raises
     ------
     ReconstructionError
-        If no folder holds both files.
+        If no folder holds all files.
     """
     folders = model_folders(folder)
     for place in folders:
-        files = ModelFiles(place / DETECTOR_FILE, place / MESH_FILE)
-        if files.detector.is_file() and files.mesh.is_file():
-            return files
+        paths = [place / name for name in (DETECTOR_FILE, MESH_FILE, RECOGNITION_FILE)]
+        if all(path.is_file() for path in paths):
+            return ModelFiles(*paths)
     raise ReconstructionError(
-        "The face detector's model files are in none of these folders: "
+        "The face models are not together in any of these folders: "
         + ", ".join(str(place) for place in folders)
         + "; fetch them by `bsface models fetch` (the extension's zip brings them), or "
         "lay landmark files beside the photos and switch the detector off."
@@ -128,7 +130,7 @@ def why_not_loaded(path: Path, error: Exception, version: str) -> str:
     version : str
         Of OpenCV, such as ``"4.11.0"``.
     """
-    if [int(part) for part in re.findall(r"\d+", version)[:2]] < list(OLDEST_OPENCV):
+    if tuple(map(int, re.findall(r"\d+", version)[:2])) < OLDEST_OPENCV:
         oldest = ".".join(map(str, OLDEST_OPENCV))
         return (
             f"OpenCV {version} is too old for the face detector, which needs {oldest} "

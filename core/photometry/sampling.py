@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..camera.camera import Camera
 from ..images.photo import Photo
+from ..images.remap import read_between
 from ..surface.bspline import BSplineSurface
 
 Array = NDArray[np.float64]
@@ -63,31 +64,13 @@ class IntensityField:
         at = ((xy - (x0, y0) + 0.5) * scale - 0.5).astype(np.float32)
         h, w, c = self.maps.shape
         inside = ((at > 0.5) & (at < (w - 1.5, h - 1.5))).all(1)
-        value = _bilinear(self.maps, at).reshape(-1, c)
-        slope = _bilinear(self.slopes, at).reshape(-1, 2, c)
+        value = read_between(self.maps, at)
+        slope = read_between(self.slopes, at).reshape(-1, 2, c)
         return (
             value.astype(float),
             scale * slope.transpose(0, 2, 1).astype(float),
             inside,
         )
-
-
-def _bilinear(image: NDArray[np.float32], at: NDArray[np.float32]) -> Array:
-    # remap takes at most 4 channels and 32766 columns at a time
-    rows = -(-len(at) // 1024)
-    x, y = np.zeros((2, rows * 1024), np.float32)
-    x[: len(at)], y[: len(at)] = at.T
-    parts = [
-        cv2.remap(
-            np.ascontiguousarray(image[..., k : k + 4]),
-            x.reshape(rows, 1024),
-            y.reshape(rows, 1024),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        ).reshape(rows * 1024, -1)
-        for k in range(0, image.shape[2], 4)
-    ]
-    return np.concatenate(parts, 1).astype(np.float64)[: len(at)]
 
 
 def smooth_photo(

@@ -64,10 +64,15 @@ def log_file(path: Path | None, about: str) -> Iterator[logging.Logger]:
 
 
 def logged(progress: Progress | None) -> Progress:
-    """The same progress, each of its steps also in the log."""
+    """The same progress, each of its steps also in the log, once."""
+    last = ""
 
     def tell(step: Step) -> None:
-        _PACKAGE.info("%s %d/%d %s", step.stage, step.done, step.total, step.message)
+        nonlocal last
+        line = f"{step.stage} {step.done}/{step.total} {step.message}"
+        if line != last:
+            _PACKAGE.info("%s", line)
+        last = line
         if progress is not None:
             progress(step)
 

@@ -144,7 +144,7 @@ def known_face(
     """
     options = options or MotionOptions()
     if source is None:
-        index = np.flatnonzero(template.landmark_reliable)
+        index = np.asarray(np.flatnonzero(template.landmark_reliable), np.int64)
     else:
         index = source.landmarks.index
     uv = template.landmark_uv[index]

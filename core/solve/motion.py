@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from .._types import Array
+from .._types import Array, Indices
 from ..camera.camera import DISTANCE, PARAMETERS, Camera
 from ..camera.linear_pose import linear_pose
 from ..camera.prior import CameraPrior
@@ -58,7 +58,7 @@ class MotionOptions:
             expression=1.0 if settings.expressions else 0.0,
         )
 
-    def sigma(self, template: Template, index: Array) -> Array:
+    def sigma(self, template: Template, index: Indices) -> Array:
         """Standard deviation of the landmarks in one photo, mm, ``(f,)``."""
         return np.hypot(template.landmark_sigma[index], self.noise_mm)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,13 +78,7 @@ class Template:
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
         """Whether (u, v) lie within the outline of the face; ``(...,)`` bool."""
-        uv = np.asarray(uv, float)
-        x, y = uv[..., 0, None], uv[..., 1, None]
-        a, b = self.outline_uv, np.roll(self.outline_uv, -1, axis=0)
-        crosses = (a[:, 1] > y) != (b[:, 1] > y)
-        rise = np.where(a[:, 1] == b[:, 1], 1.0, b[:, 1] - a[:, 1])
-        at = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
-        return ((crosses & (x < at)).sum(-1) % 2).astype(bool)
+        return inside_polygon(self.outline_uv, np.asarray(uv, float))
 
     def is_skin(self, uv: ArrayLike) -> NDArray[np.bool_]:
         """Whether (u, v) lie on skin; ``(...,)`` bool."""
@@ -116,7 +111,19 @@ class Template:
         return Template(**fields)
 
 
-def load_template(path: str | Path | None = None) -> Template:
+def inside_polygon(polygon: Array, points: Array) -> NDArray[np.bool_]:
+    """Whether points ``(..., 2)`` lie in a closed polygon ``(k, 2)``; even-odd rule."""
+    x, y = points[..., 0], points[..., 1]
+    inside = np.zeros(x.shape, bool)
+    # Side by side of the polygon: all points times all sides would not fit in memory.
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if a[1] != b[1]:
+            at = a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
+            inside ^= ((a[1] > y) != (b[1] > y)) & (x < at)
+    return inside
+
+
+def load_template(path: str | os.PathLike | None = None) -> Template:
     """Read a template file.
 
     Parameters

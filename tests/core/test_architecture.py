@@ -38,6 +38,7 @@ ROOMS = [
     "result",
     "finish",
     "rig",
+    "scale",
     "drawing",
     "texture",
     "compare",

@@ -1,6 +1,5 @@
 """Batches: restartable to the last byte, one bad folder costs only itself."""
 
-import concurrent.futures
 import csv
 import json
 import os
@@ -20,8 +19,11 @@ from bsface.batch import (
 from bsface.batch import (
     run as batch,
 )
+from bsface.batch.processes import on_processes
+from bsface.cli import batch as command
 from bsface.errors import ReconstructionError
 from bsface.settings import Settings
+from executors import InThisProcess
 from fake_face import person_folder
 
 QUICK = Settings(detector=False, method="motion", control_points=(12, 12))
@@ -48,23 +50,12 @@ def whole(people, tmp_path_factory):
     return out, outcomes
 
 
-class InThisProcess(concurrent.futures.Executor):
-    """The simplest executor there is."""
-
-    def submit(self, function, /, *args, **kwargs):
-        future = concurrent.futures.Future()
-        try:
-            future.set_result(function(*args, **kwargs))
-        except BaseException as error:
-            future.set_exception(error)
-        return future
-
-
 def contents(folder):
+    """All files but the logs, which hold times."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in sorted(folder.rglob("*"))
-        if path.is_file()
+        if path.is_file() and path.name != "log.txt"
     }
 
 
@@ -74,7 +65,13 @@ def test_good_people_are_done_and_bad_folders_say_why(whole):
     assert [o.person for o in outcomes] == sorted(found)
     for name in ("ann", "bob", "zoe"):
         assert found[name].status == "done" and found[name].used == 4
-        assert {*WANTED, "done.json"} == {p.name for p in (out / name).iterdir()}
+        assert {*WANTED, "result.json", "log.txt", "done.json"} == {
+            p.name for p in (out / name).iterdir()
+        }
+        facts = json.loads((out / name / "result.json").read_text("utf-8"))
+        assert facts["title"] == name and facts["photos"] == {"all": 4, "used": 4}
+        assert facts["files"] == [*WANTED, "result.json", "log.txt"]
+        assert "motion 1/1" in (out / name / "log.txt").read_text("utf-8")
     assert "holds no photos" in found["empty"].reason
     assert found["junk"].status == "failed" and "a.jpg" in found["junk"].reason
     table = list(csv.reader((out / "summary.csv").read_text().splitlines()))
@@ -113,9 +110,7 @@ def test_killed_and_restarted_batch_ends_with_the_same_bytes(people, whole, tmp_
     assert contents(out) == contents(whole[0])
 
 
-def test_finished_people_are_skipped_until_something_changes(
-    people, whole, tmp_path, monkeypatch
-):
+def test_finished_people_are_skipped_until_something_changes(people, whole):
     out, _ = whole
 
     def again(settings=QUICK):
@@ -125,9 +120,11 @@ def test_finished_people_are_skipped_until_something_changes(
             )
         return {o.person: o.status for o in outcomes}
 
-    before = contents(out / "ann")
-    monkeypatch.setattr(batch, "reconstruct", None)
-    assert again()["ann"] == "skipped" and contents(out / "ann") == before
+    def written():
+        return {p.name: p.stat().st_mtime_ns for p in (out / "ann").iterdir()}
+
+    before = written()
+    assert again()["ann"] == "skipped" and written() == before
     marks = [
         batch_record.fingerprint(people / "ann", settings.to_dict(), wanted)
         for settings, wanted in (
@@ -138,21 +135,22 @@ def test_finished_people_are_skipped_until_something_changes(
     ]
     assert len(set(marks)) == 3
     # A file that was damaged or a photo that was added asks for the work again.
+    whole_bob = contents(out / "bob")
     (out / "bob" / "face.npz").write_bytes(b"")
     assert batch_record.recall(out / "bob", "x") is None
-    assert again()["bob"] == "failed"
+    assert again()["bob"] == "done" and contents(out / "bob") == whole_bob
     record = json.loads((out / "ann" / "done.json").read_text())
-    assert set(record["files"]) == set(WANTED)
+    assert set(record["files"]) == {*WANTED, "result.json"}
 
 
-def test_death_of_a_worker_costs_only_its_person(people, tmp_path, monkeypatch):
+def test_death_of_a_worker_costs_only_its_person(people, tmp_path):
     """A process that dies is found and named; the others are done."""
     jobs = {
         name: (str(people / name), str(tmp_path / name), QUICK.to_dict(), ("face.npz",))
         for name in ("ann", "bob")
     }
     jobs["killer"] = (_Bomb(), str(tmp_path / "killer"), {}, ())
-    outcomes = {o.person: o for o in batch._on_processes(jobs, 2)}
+    outcomes = {o.person: o for o in on_processes(batch.run_person, jobs, 2)}
     assert outcomes["ann"].status == outcomes["bob"].status == "done"
     assert outcomes["killer"].status == "failed"
     assert "ended abruptly" in outcomes["killer"].reason
@@ -194,17 +192,14 @@ def test_sizes_of_memory(text, size):
     assert batch_memory.parse_memory(text) == size
 
 
-def test_limits_of_memory_that_cannot_be_held(people, tmp_path, capsys):
+def test_limits_of_memory_that_cannot_be_held(people, tmp_path):
     for text in ("", "much", "-1G", "2X"):
         with pytest.raises(ValueError, match="2G"):
             batch_memory.parse_memory(text)
-    assert batch.main([str(people), str(tmp_path), "--memory", "much"]) == 2
-    assert "is no size" in capsys.readouterr().err
-    with pytest.raises(ReconstructionError, match="too low|on Linux only"):
+    with pytest.raises(ValueError, match="too low|on Linux only"):
         batch.run_batch(people, tmp_path, memory=10**6)
-    with InThisProcess() as executor, pytest.raises(ReconstructionError):
+    with InThisProcess() as executor, pytest.raises(ValueError):
         batch.run_batch(people, tmp_path, memory=10**9, executor=executor)
-    assert batch.main([str(people), str(tmp_path), "--memory", "1M"]) == 1
 
 
 def test_dask_cluster_gives_the_same_files(people, whole, tmp_path):
@@ -233,16 +228,43 @@ def test_unusable_requests_are_refused_in_a_sentence(people, tmp_path):
     (tmp_path / "alone").mkdir()
     with pytest.raises(ReconstructionError, match="no sub-folders"):
         batch.run_batch(tmp_path / "alone", tmp_path)
-    for name in ("../face.npz", "face.doc"):
-        with pytest.raises(ReconstructionError, match="cannot be made"):
+    for name in ("../face.npz", "face.doc", "other.npz", "a/face.npz"):
+        with pytest.raises(ValueError, match="cannot be made"):
             batch.run_batch(people, tmp_path, wanted=(name,))
+    with pytest.raises(ValueError, match="at least one worker"):
+        batch.run_batch(people, tmp_path, workers=0)
 
 
-def test_command_line_reports_and_returns_one_when_some_failed(people, whole, capsys):
-    words = [str(people), str(whole[0]), "--workers", "1"]
+@pytest.mark.skipif(not hasattr(os, "symlink"), reason="no links here")
+def test_links_that_loop_are_nobody(tmp_path):
+    (tmp_path / "people" / "ann").mkdir(parents=True)
+    (tmp_path / "elsewhere").mkdir()
+    for name, target in (
+        ("loop", "."),
+        ("up", ".."),
+        ("circle", "circle"),
+        ("bob", tmp_path / "elsewhere"),
+    ):
+        (tmp_path / "people" / name).symlink_to(target)
+    found = batch_record.people_in(tmp_path / "people")
+    assert [path.name for path in found] == ["ann", "bob"]
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@a", "\tx"])
+def test_no_cell_of_the_table_is_a_formula(name):
+    outcome = batch_record.Outcome(name, "failed", f"{name}: no photos")
+    text = batch_record.summary_csv([outcome])
+    (_, row) = csv.reader(text.splitlines())
+    assert row[0] == f"'{name}" and row[-1] == f"'{name}: no photos"
+
+
+def test_failed_people_are_told_on_the_terminal(people, whole, capsys):
+    words = [str(people), str(whole[0])]
     for name in WANTED:
         words += ["--write", name]
-    code = batch.main(words, QUICK)
+    words += ["--set=detector=false", "--set=method=motion"]
+    words += ["--set=control_points=12,12"]
+    with InThisProcess() as executor:
+        code = command.main(words, executor)
     said = capsys.readouterr()
     assert code == 1 and "ann" in said.out and "[5/5]" in said.err
-    assert batch.main(["/no/such/folder", str(whole[0])]) == 1

@@ -32,7 +32,7 @@ _sets = importlib.import_module("_sets")
 _speed_worker = importlib.import_module("_speed_worker")
 _table = importlib.import_module("_table")
 speed = importlib.import_module("speed")
-strangers = importlib.import_module("strangers")
+identity = importlib.import_module("identity")
 
 
 @pytest.fixture(scope="module")
@@ -195,12 +195,8 @@ VARIANTS = [variant for group in _ablation.GROUPS.values() for variant in group]
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda v: v.name)
 def test_every_variant_changes_something_that_exists(variant):
     changed = variant.changed(Settings())
-    for name, value in variant.patches.items():
-        module, _, attribute = name.rpartition(".")
-        present = getattr(importlib.import_module(module), attribute)
-        assert callable(present) == callable(value)
     differs = changed != Settings() or variant.landmarks != "468" or variant.photos
-    assert differs or variant.patches
+    assert differs or variant.parts
 
 
 def test_draws_of_photos_are_repeatable_and_of_the_right_size():
@@ -334,36 +330,22 @@ def test_photos_that_are_used_twice_are_not_the_same(tmp_path):
         assert abs(image.shape[0] * image.shape[1] - 10_000) < 300
 
 
-# --- strangers ------------------------------------------------------------------------
+# --- identity -------------------------------------------------------------------------
 
 
-def drawn_people(count, photos, rng):
-    """Looks of people whose patterns have nothing in common."""
-    people = {}
-    for k in range(count):
-        own = rng.uniform(-1, 1, (96, 96))
-        pattern = own + rng.normal(0, 0.5, (photos, 96, 96))
-        seen = np.ones_like(pattern)
-        people[str(k)] = [strangers.Appearance(np.float32(pattern), np.float32(seen))]
-    return people
+def described(count, rng):
+    """Photos of one person: descriptors 0.4 apart, other people's 0.8."""
+    vector = rng.normal(0, 0.4 / np.sqrt(2 * 128), (count, 128))
+    vector += rng.normal(0, np.sqrt(0.48 / 256), 128)
+    return [identity.Descriptors(vector, np.zeros(count), np.ones(count))]
 
 
 @pytest.mark.parametrize("own, other", [(12, 0), (12, 1), (12, 4), (10, 10)])
-def test_strangers_are_counted(own, other):
+def test_outlier_identities_are_counted(own, other):
     rng = np.random.default_rng(own + other)
-    people = drawn_people(4, 12, rng)
-    known = strangers.own_patterns(people)
-    row = strangers.trials(people, known, own, other, 5, rng)
+    people = {str(k): described(12, rng) for k in range(4)}
+    row = identity.trials(people, own, other, 5, rng)
     assert row["photos"] == own + other
     assert row["wrong"] == row["wrong_most"] == row["wrong_folders"] == 0
     assert row["doubts"] == 0
     assert row["found"] == row["found_or_doubt"] == (100 if other else "")
-
-
-def test_nobody_of_a_folder_is_known_beforehand():
-    ones = np.ones((4, 4), np.float32)
-    known = {"x": (ones, ones), "y": (3 * ones, 2 * ones)}
-    left = strangers.general_without(known, {"x"})
-    np.testing.assert_array_equal(left.mean, 3 * ones[None])
-    np.testing.assert_allclose(left.variance, 2 * ones, rtol=1e-6)
-    assert strangers.general_without(None, {"x"}) is None

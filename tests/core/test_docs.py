@@ -8,8 +8,8 @@ from functools import lru_cache
 from pathlib import Path
 
 import pytest
-from bsface import __main__ as command_line
-from bsface.cli import batch, export_face, info
+from bsface.cli import batch, export_face, info, models, reconstruct
+from bsface.cli.arguments import parse_settings
 from bsface.errors import FailureCode
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -17,10 +17,11 @@ DOCS = ROOT / "docs"
 PAGES = sorted([ROOT / "README.md", *DOCS.glob("*.md")])
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 PARSERS = {
-    "": command_line.parser,
+    "": reconstruct.parser,
     "batch": batch.parser,
     "export": export_face.parser,
     "info": info.parser,
+    "models": models.parser,
 }
 
 pages = pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
@@ -130,26 +131,12 @@ def test_settings_page_is_that_of_the_dataclass():
 
 def test_settings_named_in_commands_exist():
     for _, call in calls_of_the_command_line():
-        command_line.parse_settings(re.findall(r"--set (\S+)", call))
+        parse_settings(re.findall(r"--set (\S+)", call))
 
 
 def test_every_failure_code_is_explained():
     text = (DOCS / "troubleshooting.md").read_text("utf-8")
     assert not [code for code in FailureCode if f"`{code}`" not in text]
-
-
-def test_messages_on_the_page_are_those_of_the_code():
-    gaps = script("docs", "gaps")
-    assert len(gaps.entries()) > 50
-    assert not gaps.outdated()
-
-
-def test_a_sentence_that_nobody_explains_would_be_found(monkeypatch):
-    """The search itself: an empty page lacks everything."""
-    gaps = script("docs", "gaps")
-    monkeypatch.setattr(gaps, "_page", lambda: "> A sentence that nobody says.\n")
-    assert any("holds no photos" in sentence for sentence in gaps.unexplained())
-    assert gaps.outdated() == ["A sentence that nobody says."]
 
 
 def test_python_blocks_compile():

@@ -1,7 +1,9 @@
 """The numbered examples run, on a few photos and with small settings."""
 
 import importlib.util
+import runpy
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +35,8 @@ def run(number, photos, out, **more):
     (path,) = (p for p in EXAMPLES if p.name.startswith(f"{number:02d}_"))
     spec = importlib.util.spec_from_file_location(f"example_{number}", path)
     example = importlib.util.module_from_spec(spec)
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))  # as for a script; `_arguments` lies there
     spec.loader.exec_module(example)
     return example.main(photos, out, QUICK, **more)
 
@@ -49,7 +53,24 @@ def test_examples_are_numbered_without_gaps_and_all_tested():
 def test_examples_say_how_they_are_started(path):
     text = path.read_text("utf-8")
     assert f"python examples/{path.name}" in text
-    assert text.rstrip().endswith("main(*sys.argv[1:])")
+    assert text.rstrip().endswith("start(main, __doc__)")
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+def test_examples_tell_what_they_read(path, tmp_path, capsys, monkeypatch):
+    """`--help` is no folder, and a wrong path is told in a sentence."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(path.parent))
+
+    def started(*words):
+        monkeypatch.setattr(sys, "argv", [str(path), *words])
+        with pytest.raises(SystemExit) as end:
+            runpy.run_path(str(path), run_name="__main__")
+        return end.value.code
+
+    assert started("--help") == 0
+    assert capsys.readouterr().out.startswith(f"usage: {path.name}")
+    assert started("none", "out").startswith("none: cannot open this folder")
 
 
 def test_reconstruct_folder(photos, tmp_path, capsys):

@@ -1,6 +1,7 @@
 """Detection on the example photos: found where they are, whatever is done to them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -292,7 +293,7 @@ def test_true_cameras_see_the_template_where_the_detector_does(mesh):
 
 
 def test_missing_models_are_told_with_all_places(tmp_path):
-    with pytest.raises(ReconstructionError, match=r"dev\.py setup") as info:
+    with pytest.raises(ReconstructionError, match="bsface models fetch") as info:
         find_models(tmp_path)
     assert str(tmp_path) in str(info.value)
 
@@ -304,12 +305,16 @@ def test_search_order_of_models(tmp_path, monkeypatch):
     folders = face_models.model_folders()
     assert folders[0] == tmp_path / "env"
     assert folders[-1] == tmp_path / "cache" / "bsface" / "models"
-    for name in (face_models.DETECTOR_FILE, face_models.MESH_FILE):
-        for folder in (folders[0], folders[-1]):
-            folder.mkdir(parents=True, exist_ok=True)
+    for folder in (folders[0], folders[-1]):
+        folder.mkdir(parents=True)
+        for name in (
+            face_models.DETECTOR_FILE,
+            face_models.MESH_FILE,
+            face_models.RECOGNITION_FILE,
+        ):
             (folder / name).touch()
     assert find_models().mesh.parent == tmp_path / "env"
-    (tmp_path / "env" / face_models.MESH_FILE).unlink()
+    (tmp_path / "env" / face_models.RECOGNITION_FILE).unlink()
     assert find_models().mesh.parent != tmp_path / "env"
 
 
@@ -320,7 +325,7 @@ def test_file_that_is_no_model(tmp_path, content):
     path = tmp_path / "x.tflite"
     path.write_bytes(content)
     with pytest.raises(ReconstructionError, match=r"x\.tflite is damaged"):
-        FaceMesh(ModelFiles(path, path), MIRROR)
+        FaceMesh(ModelFiles(path, path, path), MIRROR)
 
 
 @pytest.mark.parametrize("part", [0.5, 0.99])
@@ -333,7 +338,7 @@ def test_model_file_that_was_cut_off(tmp_path, part):
     path = tmp_path / "x.tflite"
     path.write_bytes(data[: int(part * len(data))])
     with pytest.raises(ReconstructionError, match=r"x\.tflite is damaged"):
-        FaceMesh(ModelFiles(path, files.mesh), MIRROR)
+        FaceMesh(replace(files, detector=path), MIRROR)
 
 
 @pytest.mark.parametrize(
@@ -360,4 +365,4 @@ def test_swapped_models(tmp_path):
     except ReconstructionError as error:
         pytest.skip(f"the model files are not installed: {error}")
     with pytest.raises(ReconstructionError, match="is not the expected"):
-        FaceMesh(ModelFiles(files.mesh, files.detector), MIRROR)
+        FaceMesh(replace(files, detector=files.mesh, mesh=files.detector), MIRROR)

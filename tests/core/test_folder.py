@@ -64,8 +64,8 @@ def test_photos_videos_and_what_is_passed_over(tmp_path):
     assert names(scan.videos, tmp_path) == ["walk.MP4"]
     assert names(scan.sources, tmp_path) == ["2.jpg", "10.jpg", "walk.MP4"]
     assert list_sources(tmp_path) == scan.sources
-    assert [item.name for item in scan.passed_over] == ["notes.txt"]
-    assert scan.hints() == ("notes.txt is neither a photo nor a video.",)
+    assert scan.others == ("notes.txt",)
+    assert scan.passed_over == () and scan.hints() == ()
 
 
 def test_pictures_that_we_wrote_are_not_photos(tmp_path):

@@ -7,7 +7,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from bsface.landmarks import face_models
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -16,8 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def tool(monkeypatch):
     """Import a script of tools/ by its name."""
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
-    for name in ("fetch_models", "build_extension"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.delitem(sys.modules, "build_extension", raising=False)
     return importlib.import_module
 
 
@@ -35,14 +33,6 @@ def test_ci_runs_the_test_command_of_the_readme():
 def test_one_version():
     manifest, project = toml("blender_manifest.toml"), toml("pyproject.toml")
     assert manifest["version"] == project["project"]["version"]
-
-
-@pytest.mark.parametrize("xdg", ["", "/elsewhere"])
-def test_models_are_fetched_to_where_the_core_looks(tool, monkeypatch, xdg):
-    monkeypatch.setenv("XDG_CACHE_HOME", xdg)
-    fetch_models = tool("fetch_models")
-    assert fetch_models.cache_folder() == face_models.user_cache()
-    assert {face_models.DETECTOR_FILE, face_models.MESH_FILE} < set(fetch_models.FILES)
 
 
 def test_example_photos_are_there_with_their_licence():

@@ -10,9 +10,11 @@ import pytest
 from bsface.errors import Cancelled, PhotoFailure, ReconstructionError
 from bsface.images.folder import list_photos
 from bsface.images.read import read_photo
+from bsface.landmarks.candidates import CandidateReader
 from bsface.landmarks.face_models import find_models
 from bsface.landmarks.landmarks import Landmarks, write_landmarks
 from bsface.prepare import Inputs, collect_photos
+from bsface.progress import never_cancelled
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 
@@ -296,10 +298,9 @@ def test_one_picture_in_place_of_several(shape):
 
 
 def test_missing_models_end_the_job_with_the_remedy(tmp_path, monkeypatch, picture):
-    monkeypatch.setattr(
-        "bsface.landmarks.face_models.model_folders", lambda folder=None: (tmp_path,)
-    )
-    with pytest.raises(ReconstructionError, match="setup"):
+    for name in ("BSFACE_MODELS", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, str(tmp_path))
+    with pytest.raises(ReconstructionError, match="bsface models fetch"):
         collect_photos([picture])
 
 
@@ -332,27 +333,20 @@ def test_largest_of_several_faces(models, picture):
     assert marks.points[:, 0].mean() > 400
 
 
-def test_face_that_fits_the_other_photos(models, picture):
-    """The person is the smaller one on the left, as the photos with one face show."""
-    alone = [
-        np.hstack([beside(picture, 0.6, 1.0)[k:, :400], np.zeros((400 - k, 400, 3))])
-        for k in range(3)
-    ]
-    photos = [image.astype(np.uint8) for image in alone]
-    found = collect_photos([*photos, beside(picture, 0.6, 1.0)])
-    marks = found.landmarks[-1]
-    assert marks.faces == 2
-    assert "face 1 of 2 from the left" in marks.note
-    assert marks.points[:, 0].mean() < 400
+# --- faces at the edge -------------------------------------------------------
 
 
-def test_bystander_does_not_stand_in_for_a_blurred_person(models, picture):
-    both = beside(picture, 0.6, 1.0)
-    both[:, 400:] = cv2.GaussianBlur(both[:, 400:], (0, 0), 6)
-    alone = beside(picture, 0.6, 1.0)
-    alone[:, :400] = 0
-    found = collect_photos([both, alone, alone[1:], alone[2:]])
-    assert codes(found) == {"picture 1": "blurred"}
+@pytest.mark.parametrize("shift, told", [(0, False), (150, True)])
+def test_face_cut_by_the_edge_gets_a_note(shift, told):
+    """The picture ends in the middle of the face, or far from it."""
+    picture = np.zeros((400, 400 - shift, 3), np.uint8)
+    marks = front_landmarks("468", name="picture 1")
+    reader = CandidateReader(TEMPLATE, NO_DETECTOR, {"picture 1": marks})
+    (face,) = reader.read(picture, "picture 1", never_cancelled)
+    assert ("cut by the picture's edge" in face.landmarks.note) == told
+    if told:
+        outside = (marks.points[:, 0] >= 400 - shift - 0.5).mean()
+        assert f"{100 * outside:.0f} %" in face.landmarks.note
 
 
 # --- progress ----------------------------------------------------------------

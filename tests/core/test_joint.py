@@ -17,9 +17,9 @@ from bsface.problem import Constraint, FaceEstimate, PhotoCollection, Problem
 from bsface.progress import never_cancelled
 from bsface.settings import Settings
 from bsface.solve.joint.linearise import Linearisation
-from bsface.solve.joint.method import JointParts, joint
+from bsface.solve.joint.method import joint
 from bsface.solve.joint.options import JointOptions, Level
-from bsface.solve.joint.refine import Refinement, refine
+from bsface.solve.joint.refine import JointParts, Refinement, refine
 from bsface.solve.joint.samples import Samples, sample_grid
 from bsface.solve.joint.state import DisplacementModel, State
 from bsface.solve.joint.system import BorderedSystem, assemble
@@ -125,7 +125,11 @@ def iterations(problem, estimate, pictures, options):
     model = DisplacementModel.about(problem, estimate)
     terms = default_terms(problem, estimate, model, options)
     work = Refinement(
-        problem.photos, estimate.photo_weights, options, terms, given(pictures)
+        problem.photos,
+        estimate.photo_weights,
+        options,
+        terms,
+        JointParts(reader=given(pictures)),
     )
     return refine(State.start(model, estimate.cameras), work, never_cancelled)
 
@@ -646,7 +650,7 @@ def test_method_yields_estimates_of_the_face(template, prior):
 
 
 def test_cancelled_between_the_parts_of_a_step(template, prior):
-    """Each call may stop the run: photos, and six parts of a step."""
+    """Each call may stop the run: photos, and seven parts of a step."""
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
     problem, begin = start(template, prior, plane(), views)
     parts = JointParts(JointOptions((Level(3.0, 2, 8, 2),)), given(pictures))
@@ -663,7 +667,7 @@ def test_cancelled_between_the_parts_of_a_step(template, prior):
 
         return check_cancelled
 
-    for call in range(PHOTOS + 6):
+    for call in range(PHOTOS + 7):
         run = joint(problem, begin, stop_at(call), parts)
         with pytest.raises(Stopped):
             next(run)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import PhotoFailure
-from bsface.images.decode import LIMITS, Limits
+from bsface.images.decode import LIMITS, RAW_ENDINGS, Limits
 from bsface.images.folder import list_photos
 from bsface.images.header import read_header
 from bsface.images.photo import Photo, cut
@@ -274,6 +274,14 @@ def test_animation_that_ends_opencv(read):
     assert tuple(read(torn, "a.png").pixels[5, 5]) == (200, 30, 30)
     at = data.index(b"IDAT") + 10
     assert not read(data[:at] + b"\xff" * 9 + data[at + 9 :], "a.png")
+
+
+def test_the_thumbnail_of_a_raw_file_is_not_the_photo(read):
+    thumbnail = encoded(".tif", corners_picture())
+    for ending in RAW_ENDINGS:
+        failure = read(thumbnail, f"a{ending}")
+        assert failure.code == "unreadable" and "raw photo" in failure.reason
+    assert read(thumbnail, "a.tif")
 
 
 # --- arrays ------------------------------------------------------------------

@@ -3,20 +3,29 @@
 import dataclasses
 import html.parser
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from bsface.batch.record import Outcome, batch_facts
 from bsface.drawing import maps, plots
 from bsface.errors import ReconstructionError
+from bsface.json_text import to_json
 from bsface.report import report
+from bsface.report.facts import failure_facts, result_facts
+from bsface.result import HistoryEntry
 from fake_face import (
     PhotoReport,
     bare_reconstruction,
     face_surface,
     painted_reconstruction,
 )
+from json_schema import problems
 
+SCHEMA = json.loads(
+    (Path(__file__).resolve().parents[2] / "docs/result.schema.json").read_text("utf-8")
+)
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 
 
@@ -81,12 +90,34 @@ def test_every_photo_is_there_with_its_reason(written, face):
 def test_json_says_the_same(written, face):
     facts = json.loads(written.with_suffix(".json").read_text("utf-8"))
     assert facts["photos"] == {"all": 6, "used": 5}
+    assert facts["files"] == ["face.html", "face.json", "face.png"]
     assert [e["name"] for e in facts["report"]] == [e.name for e in face.reports]
     assert facts["report"][-1]["yaw"] is None
+    assert facts["residuals"] == {"reprojection_pct": 1.2, "intensity": 0.05}
     assert facts["settings"] == face.settings.to_dict()
     np.testing.assert_allclose(facts["cameras"][2]["R"], face.cameras[2].R)
-    assert {"bsface", "numpy", "python"} <= set(facts["versions"])
     assert facts["seconds"] == {"photos": 1.5, "refine": 3.0}
+
+
+@pytest.mark.parametrize("kind", ["whole", "bare", "failed", "batch"])
+def test_json_is_that_of_the_schema(face, kind):
+    facts = {
+        "whole": lambda: result_facts(face, files=["face.npz"]),
+        "bare": lambda: result_facts(bare_reconstruction(), timings=False),
+        "failed": lambda: failure_facts("a.jpg is missing; copy it again."),
+        "batch": lambda: batch_facts([Outcome("ann", "failed", "No photos.")]),
+    }[kind]()
+    assert not problems(json.loads(to_json(facts)), SCHEMA)
+
+
+def test_schema_refuses_what_is_not_a_result(face):
+    """The validator and the schema find a missing key, a surplus one, a wrong kind."""
+    facts = json.loads(to_json(result_facts(face)))
+    without = {key: value for key, value in facts.items() if key != "report"}
+    assert problems(without, SCHEMA)
+    assert problems(facts | {"outputs": []}, SCHEMA)
+    assert problems(facts | {"schema": 2}, SCHEMA)
+    assert problems(facts | {"control_points": ["a", "b"]}, SCHEMA)
 
 
 def test_sheet_is_a_picture(written):
@@ -104,7 +135,7 @@ def test_equal_runs_give_equal_pages(face, tmp_path):
             title="face",
             timings=False,
             textured=False,
-            companions=False,
+            companions=(),
         ).read_bytes()
         for i, r in enumerate((face, later))
     ]
@@ -154,12 +185,10 @@ def test_confidence_map_of_a_constant_is_constant():
 
 
 def test_residual_map_ignores_rejected_samples(face):
-    evidence = face.photometric
-    assert maps.residual_map(evidence) is None
-    evidence = dataclasses.make_dataclass("E", ["uv", "weights", "residual"])(
-        evidence.uv, np.ones((2, 50)), np.full((2, 50), 0.1)
-    )
-    evidence.weights[1], evidence.residual[1] = 0, 9.0
+    assert maps.residual_map(None) is None
+    weights, residual = np.ones((2, 50)), np.full((2, 50), 0.1)
+    weights[1], residual[1] = 0, 9.0
+    evidence = dataclasses.replace(face.photometric, weights=weights, residual=residual)
     found = maps.residual_map(evidence)
     np.testing.assert_allclose(found[np.isfinite(found)], 0.1)
 
@@ -186,8 +215,8 @@ def test_pose_zones_count_each_photo_once():
     "values", [[3.0], [0.5, 0.5], [1e-6, 2e-6], [0.0606, 0.044], [0.0]]
 )
 def test_convergence_plot_takes_any_history(values):
-    history = [{"stage": "a", "residual": v} for v in values]
-    history += [{"stage": "b"}, {"stage": "a", "residual": None}]
+    history = [HistoryEntry("a", v, 0.0) for v in values]
+    history += [HistoryEntry("b", 1.0, 0.0), HistoryEntry("a", np.nan, 0.0)]
     assert plots.stage_residuals(history, "a") == values
     drawn = plots.convergence_plot(history, "a")
     assert drawn.count("<circle") == len(values) and "nan" not in drawn

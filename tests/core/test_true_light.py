@@ -13,7 +13,7 @@ from bsface.problem import FaceEstimate, PhotoCollection, Problem
 from bsface.progress import never_cancelled
 from bsface.settings import Settings
 from bsface.solve.joint.options import JointOptions, Level
-from bsface.solve.joint.refine import Refinement, refine
+from bsface.solve.joint.refine import JointParts, Refinement, refine
 from bsface.solve.joint.state import DisplacementModel, State
 from bsface.solve.joint.terms import default_terms
 from bsface.surface.prior import shape_prior
@@ -86,7 +86,13 @@ def last_iteration(known, lights, albedo):
     )
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *held.terms]
-    work = Refinement(problem.photos, np.ones(3), options, terms, reader, held)
+    work = Refinement(
+        problem.photos,
+        np.ones(3),
+        options,
+        terms,
+        JointParts(reader=reader, shading=held),
+    )
     *_, last = refine(State.start(model, estimate.cameras), work, never_cancelled)
     return last, held.known[LEVELS[-1]]
 

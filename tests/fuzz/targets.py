@@ -26,6 +26,7 @@ from bsface.images.decode import Limits, judge_header
 from bsface.images.header import read_header
 from bsface.images.icc import ProfileError, read_profile
 from bsface.images.read import read_photo
+from bsface.images.video import read_video
 from bsface.json_text import to_json
 from bsface.landmarks.landmarks import (
     LandmarkFileError,
@@ -53,6 +54,7 @@ from pictures_for_tests import (  # noqa: E402
     png_with_profile,
     table_curve,
 )
+from videos_for_tests import write_clip  # noqa: E402
 
 # Mutated headers claim pictures of any size; decoding large ones is only slow.
 LIMITS = Limits(pixels=1_000_000)
@@ -147,6 +149,27 @@ def _optional_pictures() -> list[bytes]:
         by_pillow("JPEG2000", rgb[..., 0]),
         by_pillow("JPEG2000", rgb, no_jp2=True, irreversible=True),
     ]
+
+
+def _clips() -> list[bytes]:
+    rng = np.random.default_rng(2)
+    frames = rng.integers(0, 256, (3, 48, 48, 3)).astype(np.uint8)
+    found = []
+    for ending in (".mp4", ".avi", ".mkv"):
+        path = write_clip(_place() / f"seed{ending}", list(frames))
+        found.append(path.read_bytes())
+    return found
+
+
+def _video(data: bytes) -> bool:
+    video = read_video(_file("clip.mp4", data), limits=LIMITS)
+    if isinstance(video, PhotoFailure):
+        sentence(video.reason)
+        return False
+    assert len(set(video.names)) == len(video.frames) > 0
+    for photo in video.photos():
+        assert photo.pixels.ndim == 3 and photo.pixels.dtype == np.uint8
+    return True
 
 
 def _profile(data: bytes) -> bool:
@@ -316,6 +339,7 @@ def targets() -> list[Target]:
         Target("image file", mutated(pictures), _photo),
         Target("HEIC, AVIF, JPEG 2000", mutated(optional), _photo),
         Target("colour profile", mutated(profiles), _profile),
+        Target("video", mutated(_clips()), _video),
         Target("landmarks .pts", mutated(_landmark_files(".pts")), _landmarks(".pts")),
         Target(
             "landmarks .json", mutated(_landmark_files(".json")), _landmarks(".json")

@@ -22,7 +22,7 @@ from ..._types import Array, Mask
 from ...camera.camera import PARAMETERS, Camera
 from ...images.photo import Photo
 from ...photometry.lighting import estimate_lighting
-from ...photometry.sampling import view_weights
+from ...surface.bspline import BSplineSurface
 from .samples import Geometry, Samples
 from .state import State
 
@@ -40,6 +40,21 @@ class PictureReader(Protocol):
 
     def __call__(self, photo: Photo, camera: Camera, blur_mm: float, /) -> Picture:
         """The photo smoothed by a Gaussian of ``blur_mm`` at the head."""
+        ...
+
+
+class Visibility(Protocol):
+    """Says what each photo sees; `view_weights` is one."""
+
+    def __call__(
+        self,
+        surface: BSplineSurface | Sequence[BSplineSurface],
+        cameras: Sequence[Camera],
+        uv: Array,
+        grazing: float,
+        /,
+    ) -> Array:
+        """Weight (n, p) of the points of a face, or of the face of each photo."""
         ...
 
 
@@ -162,11 +177,7 @@ class Linearisation(NamedTuple):
 
 
 def read_photos(
-    pictures: Sequence[Picture],
-    samples: Samples,
-    state: State,
-    photo_weights: Array,
-    grazing: float,
+    pictures: Sequence[Picture], samples: Samples, state: State, view: Array
 ) -> Readings:
     """Intensities at the samples, and how they change with the geometry.
 
@@ -175,18 +186,12 @@ def read_photos(
     pictures : sequence of n
     samples : Samples
     state : State
-    photo_weights : (n,) array
-        How much each photo counts.
-    grazing : float
-        Cosine of the viewing angle below which nothing is read.
+    view : (n, p) array
+        Weight by the viewing angle, 0 where a point cannot be seen.
     """
     model, cameras = state.model, state.cameras
     n = len(cameras)
-    faces = model.faces(state.surface)
-    view = view_weights(
-        faces if model.mixed else faces[0], cameras, samples.uv, grazing
-    )
-    view *= photo_weights[:, None]
+    view = view.copy()
     geometry = samples.geometry(state.surface)
     X = np.broadcast_to(geometry.points, (n, *geometry.points.shape[1:]))
     direction = samples.T[0] @ model.directions

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from ..._types import Array
 from ...photometry import harmonics
 from ...photometry.lighting import PhotometricEvidence, light_diversity
-from ...photometry.sampling import smooth_photo
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
-from .linearise import PictureReader, ShadingSolver
 from .options import JointOptions
-from .refine import JointIteration, Refinement, refine
+from .refine import JointIteration, JointParts, Refinement, refine
 from .state import DisplacementModel, State
-from .system import Term
 from .terms import default_terms
 
 # What the normal matrix cannot know: light and skin are not quite as modelled.
@@ -25,28 +22,6 @@ from .terms import default_terms
 # ground truth (reliability table of the accuracy page); more where expressions differ.
 MODEL_ERROR_MM = 0.45
 MIXED_MODEL_ERROR_MM = 0.8
-
-
-@dataclass(frozen=True, eq=False)
-class JointParts:
-    """Parts of the joint method that can be replaced.
-
-    Attributes
-    ----------
-    options : JointOptions or None
-        None = those of the problem's settings.
-    reader : callable
-        Smooths a photo.
-    shading : callable or None
-        Estimates light and albedo; None = `RobustShading`.
-    terms : sequence of Term
-        Added to those of the problem.
-    """
-
-    options: JointOptions | None = None
-    reader: PictureReader = smooth_photo
-    shading: ShadingSolver | None = None
-    terms: Sequence[Term] = ()
 
 
 def joint(
@@ -77,14 +52,7 @@ def joint(
     options = parts.options or JointOptions.from_settings(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    work = Refinement(
-        problem.photos,
-        estimate.photo_weights,
-        options,
-        terms,
-        parts.reader,
-        parts.shading,
-    )
+    work = Refinement(problem.photos, estimate.photo_weights, options, terms, parts)
     uv = problem.landmarks.uv
     offset = estimate.landmarks_xyz - estimate.surface.evaluate(*uv.T)
     steps = [level.iterations for level in options.levels]

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..._types import Array
 from ...images.photo import Photo
-from ...photometry.sampling import smooth_photo
+from ...photometry.sampling import smooth_photo, view_weights
 from ...progress import CheckCancelled
 from .linearise import (
     Linearisation,
@@ -25,6 +25,7 @@ from .linearise import (
     RobustShading,
     Shading,
     ShadingSolver,
+    Visibility,
     linearise,
     read_photos,
 )
@@ -32,6 +33,31 @@ from .options import JointOptions
 from .samples import sample_surface
 from .state import State
 from .system import BorderedSystem, Term, assemble
+
+
+@dataclass(frozen=True, eq=False)
+class JointParts:
+    """Parts of the joint method that can be replaced.
+
+    Attributes
+    ----------
+    options : JointOptions or None
+        None = those of the problem's settings.
+    reader : callable
+        Smooths a photo.
+    visibility : callable
+        Says how well each photo sees each sample, as `view_weights`.
+    shading : callable or None
+        Estimates light and albedo; None = `RobustShading` of the options.
+    terms : sequence of Term
+        Added to those of the problem.
+    """
+
+    options: JointOptions | None = None
+    reader: PictureReader = smooth_photo
+    visibility: Visibility = view_weights
+    shading: ShadingSolver | None = None
+    terms: Sequence[Term] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,19 +71,16 @@ class Refinement:
         How much each photo counts.
     options : JointOptions
     terms : sequence of Term
-        Besides the intensities and the prior of the shape.
-    reader : callable
-        Smooths a photo.
-    shading : callable or None
-        Estimates light and albedo; None = `RobustShading` of the options.
+        All besides the intensities and the prior of the shape.
+    parts : JointParts
+        Reader, visibility and shading are taken from here.
     """
 
     photos: Sequence[Photo]
     photo_weights: Array
     options: JointOptions
     terms: Sequence[Term]
-    reader: PictureReader = smooth_photo
-    shading: ShadingSolver | None = None
+    parts: JointParts = JointParts()  # noqa: RUF009 (frozen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +136,8 @@ def refine(
     JointIteration
         After each step.
     """
-    options = work.options
-    solve_shading = work.shading or RobustShading(options.noise, options.light_ridge)
+    options, parts = work.options, work.parts
+    solve_shading = parts.shading or RobustShading(options.noise, options.light_ridge)
     confidence = options.independence / options.noise**2
     for number, level in enumerate(options.levels):
         samples = sample_surface(state, level, options.shadows)
@@ -122,12 +145,18 @@ def refine(
         pictures = []
         for photo, camera in zip(work.photos, state.cameras, strict=True):
             check_cancelled()
-            pictures.append(work.reader(photo, camera, level.blur_mm))
+            pictures.append(parts.reader(photo, camera, level.blur_mm))
         for turn in range(1, level.iterations + 1):
             check_cancelled()
-            seen = read_photos(
-                pictures, samples, state, work.photo_weights, options.grazing
+            view = parts.visibility(
+                state.model.faces(state.surface),
+                state.cameras,
+                samples.uv,
+                options.grazing,
             )
+            check_cancelled()
+            view = view * work.photo_weights[:, None]
+            seen = read_photos(pictures, samples, state, view)
             check_cancelled()
             shading = solve_shading(seen, samples, state)
             before = replace(state, lights=shading.lights, albedo=shading.albedo)

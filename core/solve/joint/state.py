@@ -19,6 +19,7 @@ from ...problem import FaceEstimate, Problem
 from ...surface.bspline import BSplineSurface
 from ...surface.prior import ShapePrior
 from ...surface.template import Template
+from ..expression import expression_displacements
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ class DisplacementModel:
             np.einsum("kbx,bx->bk", prior.modes, directions),
             (estimate.smooth * directions).sum(1),
             estimate.modes,
-            _expression_offsets(problem.template, estimate.expressions),
+            expression_displacements(problem.template, estimate.expressions),
         )
 
     def surface(self, displacement: Array) -> BSplineSurface:
@@ -83,20 +84,13 @@ class DisplacementModel:
         """Whether the photos differ in expression."""
         return bool(self.expression_offsets.any())
 
-    def faces(self, surface: BSplineSurface) -> list[BSplineSurface]:
-        """The surface as it is in each photo; one alone if all photos share it."""
+    def faces(self, surface: BSplineSurface) -> BSplineSurface | list[BSplineSurface]:
+        """The surface as it is in each photo; itself if all photos share it."""
         if not self.mixed:
-            return [surface]
+            return surface
         return [
             BSplineSurface(surface.control_points + e) for e in self.expression_offsets
         ]
-
-
-def _expression_offsets(template: Template, expressions: Array) -> Array:
-    modes = template.expression_modes[: expressions.shape[1]]
-    if not expressions.any():
-        return np.zeros((len(expressions), *template.surface.shape, 3))
-    return np.einsum("ik,kuvx->iuvx", expressions, modes)
 
 
 class Step(NamedTuple):

@@ -167,11 +167,8 @@ def assemble(
         h = rows.by_photo(i)
         G[:, i * m : (i + 1) * m] = (Ws[i] / root)[:, None] * h
         mixed = Wc[i] - share * Ws[i][:, None]
-        system.add_coupling(
-            i,
-            slice(None),
-            sum(t @ (mixed[:, a, None] * h) for a, t in enumerate(upright)),
-        )
+        coupled = [t @ (mixed[:, a, None] * h) for a, t in enumerate(upright)]
+        system.add_coupling(i, slice(None), np.sum(coupled, axis=0))
         Wh = W[i][:, None] * h
         system.add_photo(i, slice(None), Wh.T @ h, -(Wh.T @ r[i]))
     system.photo_precision -= gram(G)

@@ -1,0 +1,164 @@
+#!/usr/bin/env python3
+"""Does the same face come out of other files of the same photos?
+
+    python benchmarks/inputs.py                        the example photos
+    python benchmarks/inputs.py --set ict-a/S1 --photos 12
+    python benchmarks/inputs.py --only photos heic
+
+The photos are written again, as the kinds of files that phones make, and each kind is
+reconstructed:
+
+photos   the folder as it is
+heic     HEIC of the given quality, by pillow-heif (requirements/test.txt)
+p3       PNG of 16 bits in Display P3, with that profile
+lossless, mjpeg
+         a clip of all photos, one frame each
+
+The columns: photos used, mean distance from the first row's surface and mean error
+against the ground truth (both in % of the eye distance), and seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from _faces import surface_face
+from _sets import EVAL, ROOT, FaceSet, load_measure, load_set, score
+from _table import text_table
+from bsface.compare import compare
+from bsface.images.folder import list_photos
+from bsface.images.video import VideoFrames, read_video
+from bsface.reconstruct import reconstruct
+from bsface.surface.template import load_template
+
+sys.path.insert(0, str(ROOT / "tests"))
+
+from pictures_for_tests import (  # noqa: E402
+    SRGB_FORMULA,
+    encoded,
+    heic,
+    icc_profile,
+    png_with_profile,
+    rgb_to_xyz,
+)
+
+Pictures = Sequence[np.ndarray]
+
+
+def write_heic(pictures: Pictures, folder: Path, quality: int) -> None:
+    for k, picture in enumerate(pictures):
+        (folder / f"{k:03d}.heic").write_bytes(heic(picture, quality))
+
+
+def write_p3(pictures: Pictures, folder: Path, quality: int) -> None:
+    del quality
+    change = np.linalg.solve(rgb_to_xyz("Display P3"), rgb_to_xyz("sRGB"))
+    profile = icc_profile("Display P3", SRGB_FORMULA)
+    for k, picture in enumerate(pictures):
+        c = picture / 255
+        linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+        c = np.clip(linear @ change.T, 0, 1)
+        stored = np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
+        png = encoded(".png", np.round(stored * 65535).astype(np.uint16))
+        (folder / f"{k:03d}.png").write_bytes(png_with_profile(png, profile))
+
+
+def clip_writer(code: str, name: str) -> Callable[[Pictures, Path, int], None]:
+    def write(pictures: Pictures, folder: Path, quality: int) -> None:
+        h, w = pictures[0].shape[:2]
+        # Only OpenCV's own writer of MJPEG takes a quality.
+        own = code == "MJPG"
+        writer = cv2.VideoWriter(
+            str(folder / name),
+            cv2.CAP_OPENCV_MJPEG if own else cv2.CAP_FFMPEG,
+            cv2.VideoWriter_fourcc(*code),
+            10.0,
+            (w, h),
+            [cv2.VIDEOWRITER_PROP_QUALITY, quality] if own else [],
+        )
+        assert writer.isOpened()
+        for picture in pictures:
+            writer.write(np.ascontiguousarray(picture[..., ::-1]))
+        writer.release()
+
+    return write
+
+
+def frames_of(clip: Path) -> list[np.ndarray]:
+    """Pixels of the frames that are chosen of a video."""
+    found = read_video(clip)
+    assert isinstance(found, VideoFrames), found
+    return [photo.pixels for photo in found.photos()]
+
+
+KINDS: dict[str, Callable[[Pictures, Path, int], None]] = {
+    "heic": write_heic,
+    "p3": write_p3,
+    "lossless": clip_writer("FFV1", "clip.mkv"),
+    "mjpeg": clip_writer("MJPG", "clip.avi"),
+}
+
+
+def main() -> None:
+    """Run the command line."""
+    p = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    p.add_argument("--data", type=Path, default=EVAL, help="sets with ground truth")
+    p.add_argument("--set", default="mh-c/S1", help="default: the example photos")
+    p.add_argument("--photos", type=int, metavar="N", help="only N of them")
+    p.add_argument("--quality", type=int, default=95, help="of HEIC and MJPEG")
+    p.add_argument("--only", nargs="+", choices=["photos", *KINDS])
+    options = p.parse_args()
+    given: FaceSet | None = None
+    folder = ROOT / "examples" / "photos"
+    if (options.data / options.set).is_dir():
+        given = load_set(options.data, options.set)
+        folder = given.photos
+    paths = list_photos(folder)
+    if options.photos:
+        paths = paths[:: max(len(paths) // options.photos, 1)][: options.photos]
+    pictures = [cv2.imread(str(path))[..., ::-1] for path in paths]
+    rows, first = [], None
+    for kind in options.only or ["photos", *KINDS]:
+        with contextlib.ExitStack() as stack:
+            source: Path | list = list(paths)
+            if kind != "photos":
+                place = stack.enter_context(tempfile.TemporaryDirectory())
+                source = Path(place)
+                KINDS[kind](pictures, source, options.quality)
+                for clip in source.glob("clip.*"):
+                    source = frames_of(clip)
+            start = time.perf_counter()
+            found = reconstruct(source)
+            seconds = time.perf_counter() - start
+        first = first or found
+        error = float("nan")
+        if given is not None:
+            face = surface_face(found.surface, load_template())
+            error = score(load_measure(options.data), face, given).mean
+        used = len(found.photos)
+        away = compare(first.surface, found.surface).mean_pct
+        rows.append(
+            {"kind": kind, "used": used, "away": away, "error": error, "time": seconds}
+        )
+        print(f"{kind}: {away:.3f} % from the first, error {error:.3f} %", flush=True)
+    columns = [
+        ("used", "used", "d"),
+        ("away", "from the first %", ".3f"),
+        ("error", "error %", ".3f"),
+        ("time", "seconds", ".0f"),
+    ]
+    print(text_table(rows, columns, [("kind", "files")]))
+
+
+if __name__ == "__main__":
+    main()

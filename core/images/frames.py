@@ -1,0 +1,116 @@
+"""Which frames of a video are worth a closer look: sharp ones that differ.
+
+The choice sees small grey pictures only. Frames that look alike are one group, of which
+the sharpest stands for all; if there are more groups than wanted, those are taken that
+lie farthest from each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .._types import Array, Picture8
+
+# Sharpness is measured at this length of the longer side: there, a blur that matters
+# for landmarks shows, and the noise of the sensor is averaged away.
+_SIDE = 960
+_THUMBNAIL = 32
+# Mean difference in levels of 8 bits. Codec and sensor leave less than 0.5 between two
+# frames of a still scene.
+ALIKE = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What is remembered of a frame.
+
+    Parameters
+    ----------
+    number : int
+        Counted from 0 as the frames are decoded.
+    seconds : float
+        When it is shown.
+    sharpness : float
+        Energy of the Laplacian relative to the variance, as in `quality`.
+    thumbnail : (32, 32) uint8 array
+        Grey.
+    """
+
+    number: int
+    seconds: float
+    sharpness: float
+    thumbnail: Picture8
+
+
+def look(bgr: Picture8, number: int, seconds: float) -> Frame:
+    """Measure a decoded frame, (h, w, 3) in OpenCV's order of colours."""
+    grey = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+    factor = _SIDE / max(grey.shape)
+    if factor < 1:
+        grey = cv2.resize(
+            grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA
+        )
+    detail = cv2.Laplacian(grey, cv2.CV_32F)
+    sharpness = float(detail.var() / max(float(grey.var()), 1.0))
+    side = (_THUMBNAIL, _THUMBNAIL)
+    thumbnail = cv2.resize(grey, side, interpolation=cv2.INTER_AREA)
+    return Frame(number, seconds, sharpness, thumbnail.astype(np.uint8))
+
+
+def choose_frames(frames: Sequence[Frame], limit: int) -> tuple[Frame, ...]:
+    """At most `limit` frames, no two alike, in the order of the video.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        In the order of the video.
+    limit : int
+    """
+    groups: list[Frame] = []
+    anchors = np.empty((len(frames), _THUMBNAIL**2), np.float32)
+    for frame in frames:
+        flat = frame.thumbnail.ravel().astype(np.float32)
+        away = np.abs(anchors[: len(groups)] - flat).mean(axis=1)
+        nearest = int(away.argmin()) if len(groups) else -1
+        if nearest >= 0 and away[nearest] < ALIKE:
+            if frame.sharpness > groups[nearest].sharpness:
+                groups[nearest] = frame
+        else:
+            # The first of a group decides what belongs to it: a slow turn would
+            # otherwise be one group.
+            anchors[len(groups)] = flat
+            groups.append(frame)
+    if len(groups) > limit:
+        looks = np.stack([f.thumbnail.ravel() for f in groups]).astype(np.float64)
+        sharpness = np.array([f.sharpness for f in groups])
+        groups = [groups[i] for i in far_apart(looks, sharpness, limit)]
+    return tuple(sorted(groups, key=lambda f: f.number))
+
+
+def far_apart(features: Array, sharpness: Array, count: int) -> list[int]:
+    """Indices of rows that lie far from each other, sharp ones before blurred ones.
+
+    The sharpest comes first, then again and again the one that is farthest from all
+    chosen, its distance times its sharpness; sharpness above the median counts as the
+    median does (farthest-point sampling, Gonzalez 1985).
+
+    Parameters
+    ----------
+    features : (n, k) array
+    sharpness : (n,) array, not negative
+    count : int
+    """
+    weight = np.minimum(sharpness / max(float(np.median(sharpness)), 1e-12), 1.0)
+    chosen = [int(sharpness.argmax())]
+    nearest = np.full(len(features), np.inf)
+    while len(chosen) < min(count, len(features)):
+        away = np.linalg.norm(features - features[chosen[-1]], axis=1)
+        nearest = np.minimum(nearest, away)
+        score = nearest * weight
+        score[chosen] = -1.0
+        chosen.append(int(score.argmax()))
+    return chosen

@@ -1,0 +1,278 @@
+"""A video to photos: the frames that are worth a look, one after the other.
+
+The video is decoded twice and never held: first it is watched for the frames to choose,
+then these are handed out. So memory stays the same however long it is. OpenCV decodes
+by the FFmpeg that it carries.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..errors import PhotoFailure
+from ..progress import CheckCancelled, never_cancelled
+from .boxes import boxes, inside
+from .decode import LIMITS, MIN_SIDE, Limits, judge_file, quiet
+from .embedded import HDR
+from .frames import Frame, choose_frames, look
+from .photo import Photo
+
+# So many frames are handed out, of which landmarks choose by pose and light.
+FRAMES = 90
+# Most frames that are measured; in a longer video every second, fourth... of them.
+MEASURED = 400
+# About two hours: what comes later is not looked at.
+_MOST_FRAMES = 216_000
+
+Watched = Callable[[float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class VideoFrames:
+    """The chosen frames of a video.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    name : str
+    frames : tuple of Frame
+        In the order of the video; at least one.
+    note : str
+        As `Photo.note`.
+    limits : Limits
+    """
+
+    path: Path
+    name: str
+    frames: tuple[Frame, ...]
+    note: str = ""
+    limits: Limits = LIMITS
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the photos: the video and a time code, ``clip.mp4 00:12.433``."""
+        names = [f"{self.name} {time_code(frame.seconds)}" for frame in self.frames]
+        return tuple(
+            name if names.count(name) == 1 else f"{name} frame {frame.number}"
+            for name, frame in zip(names, self.frames, strict=True)
+        )
+
+    def photos(
+        self, check_cancelled: CheckCancelled = never_cancelled
+    ) -> Iterator[Photo]:
+        """The frames as photos without a path, decoded one at a time.
+
+        Parameters
+        ----------
+        check_cancelled : callable, optional
+            Called for every frame of the video; may raise `Cancelled`.
+        """
+        wanted = dict(zip((f.number for f in self.frames), self.names, strict=True))
+        last = self.frames[-1].number
+        with _opened(self.path) as video:
+            for number in range(last + 1):
+                check_cancelled()
+                if not video.grab():
+                    return
+                if number in wanted:
+                    found, bgr = video.retrieve()
+                    if found and bgr is not None:
+                        yield self._photo(wanted[number], bgr)
+
+    def _photo(self, name: str, bgr: np.ndarray) -> Photo:
+        h, w = bgr.shape[:2]
+        reduction = self.limits.reduction(h * w)
+        if reduction > 1:
+            size = (-(-w // reduction), -(-h // reduction))
+            bgr = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
+        rgb = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
+        window = (0.0, 0.0, 1.0 / reduction)
+        return Photo(name, None, (w, h), rgb, window, self.note)
+
+
+def read_video(
+    path: str | os.PathLike,
+    name: str | None = None,
+    *,
+    count: int = FRAMES,
+    measured: int = MEASURED,
+    limits: Limits = LIMITS,
+    check_cancelled: CheckCancelled = never_cancelled,
+    watched: Watched | None = None,
+) -> VideoFrames | PhotoFailure:
+    """Watch a video and choose frames: sharp ones, no two alike.
+
+    Turns that the file asks for are made. The times are those of the file, so that a
+    variable frame rate does no harm.
+
+    Parameters
+    ----------
+    path : path
+        MP4, MOV, M4V, WebM, MKV or AVI.
+    name : str, optional
+        The name in reports; by default the file's own.
+    count : int
+        Most frames that are chosen.
+    measured : int
+        Most frames that are measured to choose from, at equal steps.
+    limits : Limits, optional
+        Of a frame; the file may have any size.
+    check_cancelled : callable, optional
+        Called for every frame of the video; may raise `Cancelled`.
+    watched : callable, optional
+        Told now and then which part of the video was seen, from 0 to 1.
+
+    Returns
+    -------
+    VideoFrames or PhotoFailure
+        A failure has the code ``"unreadable"`` or ``"too_large"``.
+    """
+    path = Path(path)
+    name = name or path.name
+    for judge in (judge_file, _judge_head):
+        failure = judge(path, name)
+        if failure is not None:
+            return failure
+    with _opened(path) as video:
+        if not video.isOpened():
+            return PhotoFailure(
+                name,
+                "unreadable",
+                f"{name} is damaged, or holds no video that can be decoded; copy it "
+                "again or export it as MP4.",
+            )
+        width = int(video.get(cv2.CAP_PROP_FRAME_WIDTH))
+        height = int(video.get(cv2.CAP_PROP_FRAME_HEIGHT))
+        if width * height > limits.pixels:
+            return PhotoFailure(
+                name,
+                "too_large",
+                f"{name} has frames of {width} x {height} pixels, more than can be "
+                f"read ({limits.pixels // 10**6} megapixels); export it smaller.",
+            )
+        if min(width, height) < MIN_SIDE:
+            return PhotoFailure(
+                name,
+                "unreadable",
+                f"{name} has frames of only {width} x {height} pixels, too few for a "
+                "face; use the original video.",
+            )
+        frames = _watch(video, measured, check_cancelled, watched)
+    if not frames:
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} holds no frame that can be decoded; copy it again or export it "
+            "as MP4.",
+        )
+    return VideoFrames(path, name, choose_frames(frames, count), _note(path), limits)
+
+
+def time_code(seconds: float) -> str:
+    """``00:12.433``, from an hour on ``1:02:12.433``."""
+    milliseconds = round(max(seconds, 0.0) * 1000)
+    minutes, milliseconds = divmod(milliseconds, 60_000)
+    hours, minutes = divmod(minutes, 60)
+    head = f"{hours}:" if hours else ""
+    return f"{head}{minutes:02d}:{milliseconds / 1000:06.3f}"
+
+
+def _watch(
+    video: cv2.VideoCapture,
+    measured: int,
+    check_cancelled: CheckCancelled,
+    watched: Watched | None,
+) -> list[Frame]:
+    """Frames at equal steps, measured."""
+    total = video.get(cv2.CAP_PROP_FRAME_COUNT)
+    frames: list[Frame] = []
+    step = 1
+    for number in range(_MOST_FRAMES):
+        check_cancelled()
+        if not video.grab():
+            break
+        if number % step:
+            continue
+        seconds = video.get(cv2.CAP_PROP_POS_MSEC) / 1000
+        found, bgr = video.retrieve()
+        if not found or bgr is None:
+            continue
+        frames.append(look(bgr.astype(np.uint8, copy=False), number, seconds))
+        if len(frames) > measured:
+            step *= 2
+            frames = [frame for frame in frames if frame.number % step == 0]
+        if watched is not None and total > 0:
+            watched(min(number / total, 1.0))
+    return frames
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
+    with quiet(), _quiet_ffmpeg():
+        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    try:
+        video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
+        yield video
+    finally:
+        video.release()
+
+
+@contextlib.contextmanager
+def _quiet_ffmpeg() -> Iterator[None]:
+    """FFmpeg says on stderr what we say in the report; OpenCV asks here how loudly."""
+    name = "OPENCV_FFMPEG_LOGLEVEL"
+    before = os.environ.get(name)
+    if before is None:
+        os.environ[name] = "-8"  # AV_LOG_QUIET
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+
+
+def _judge_head(path: Path, name: str) -> PhotoFailure | None:
+    """FFmpeg also follows play lists, which may name files anywhere: not opened."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(16)
+    except OSError:
+        head = b""
+    if head[:4] == b"\x1a\x45\xdf\xa3":  # Matroska, WebM
+        return None
+    if head[:4] == b"RIFF" and head[8:12] == b"AVI ":
+        return None
+    if head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip"):
+        return None
+    return PhotoFailure(
+        name,
+        "unreadable",
+        f"{name} is not a video, whatever its name says; remove it.",
+    )
+
+
+def _note(path: Path) -> str:
+    """What to say of a video of high dynamic range, whose curve is not sRGB's."""
+    tracks = (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd")
+    with contextlib.suppress(OSError, ValueError, struct.error):
+        # Mapped, not read: the pictures lie between what is looked at.
+        data = np.memmap(path, np.uint8, "r").data
+        for samples in inside(data, *tracks):
+            for _, sample in boxes(samples[8:]):
+                for kind, body in boxes(sample[78:]):  # after VisualSampleEntry
+                    if kind == b"colr" and bytes(body[:4]) in (b"nclx", b"nclc"):
+                        transfer = struct.unpack(">H", body[6:8])[0]
+                        if transfer in HDR:
+                            return (
+                                f"a video of high dynamic range ({HDR[transfer]}), "
+                                "read as if it were not: shading is less certain"
+                            )
+    return ""

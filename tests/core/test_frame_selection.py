@@ -1,0 +1,86 @@
+"""Which frames of a video are kept once their faces are known."""
+
+import json
+
+import numpy as np
+import pytest
+from bsface.errors import PhotoFailure
+from bsface.images.read import read_photo
+from bsface.landmarks.candidates import CandidateReader
+from bsface.landmarks.frame_selection import differing_frames, read_frames
+from bsface.progress import never_cancelled
+from bsface.settings import Settings
+from bsface.surface.template import load_template
+from fake_face import person_folder
+from videos_for_tests import write_clip
+
+COUNT = 12
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """Pixels and landmarks of a drawn person."""
+    folder = person_folder(tmp_path_factory.mktemp("drawn"), count=COUNT, side=200)
+    found = []
+    for k in range(COUNT):
+        pixels = read_photo(folder / f"{k}.png").pixels
+        marks = json.loads((folder / f"{k}.json").read_text("utf-8"))["points"]
+        found.append((pixels, np.array(marks)))
+    return found
+
+
+def reader(clip: str, points: list[np.ndarray]) -> CandidateReader:
+    """With landmarks for the frames of a clip of ten frames a second."""
+    from bsface.images.video import time_code
+    from bsface.landmarks.landmarks import Landmarks
+
+    given = {}
+    for k, marks in enumerate(points):
+        name = f"{clip} {time_code(k / 10)}"
+        given[name] = Landmarks(name, "468", marks, np.ones(468))
+    return CandidateReader(load_template(), Settings(detector=False), given)
+
+
+def test_faces_of_a_clip(tmp_path, drawn):
+    """Every frame with a face is there, in order; one is set aside."""
+    path = write_clip(tmp_path / "a.avi", [pixels for pixels, _ in drawn])
+    known = reader("a.avi", [points for _, points in drawn])
+    found = read_frames(known, path, "a.avi", ignore=["a.avi 00:00.300"])
+    names = [name for name, _ in found]
+    assert len(names) == COUNT and names[0] == "a.avi 00:00.000"
+    assert names[-1] == "a.avi 00:00.300" and found[-1][1].code == "ignored"
+    for name, faces in found[:-1]:
+        (face,) = faces
+        assert face.photo.name == name and face.failure is None
+
+
+def test_at_most_so_many_frames(tmp_path, drawn):
+    path = write_clip(tmp_path / "a.avi", [pixels for pixels, _ in drawn])
+    known = reader("a.avi", [points for _, points in drawn])
+    found = read_frames(known, path, "a.avi", limit=5)
+    assert len(found) == 5
+    assert [name for name, _ in found] == sorted(name for name, _ in found)
+
+
+def test_poses_are_spread(drawn):
+    """Of frames that come in near-equal pairs, one of each pair is taken first."""
+    pairs = [item for item in drawn[:6] for _ in range(2)]
+    known = reader("a", [points for _, points in pairs])
+    faces = []
+    for (pixels, _), name in zip(pairs, known.given, strict=True):
+        noise = np.random.default_rng(len(faces)).integers(0, 3, pixels.shape)
+        shown = np.minimum(pixels.astype(int) + noise, 255).astype(np.uint8)
+        faces.append(known.read(shown, name, never_cancelled))
+    chosen = differing_frames(faces, 6)
+    assert sorted({k // 2 for k in chosen}) == list(range(6))
+
+
+def test_a_video_without_a_face_is_one_sentence(tmp_path, drawn):
+    path = write_clip(tmp_path / "a.avi", [pixels for pixels, _ in drawn[:3]])
+    nobody = CandidateReader(load_template(), Settings(detector=False), {})
+    ((name, failure),) = read_frames(nobody, path, "a.avi")
+    assert name == "a.avi" and isinstance(failure, PhotoFailure)
+    assert failure.code == "no_face" and "3 frames of a.avi" in failure.reason
+    (tmp_path / "b.mp4").write_bytes(b"no film")
+    ((name, failure),) = read_frames(nobody, tmp_path / "b.mp4", "b.mp4")
+    assert name == "b.mp4" and "is not a video" in failure.reason

@@ -1,0 +1,72 @@
+"""Clips for the tests: of pictures by OpenCV, then changed in their boxes."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+CODECS = {".mp4": "mp4v", ".mov": "mp4v", ".m4v": "mp4v", ".mkv": "mp4v"}
+CODECS |= {".avi": "MJPG", ".webm": "VP80"}
+# Where an MP4 of one track holds what is changed here.
+SAMPLES = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
+
+
+def write_clip(path: Path, frames: Sequence[np.ndarray], rate: float = 10) -> Path:
+    """A clip of (h, w, 3) uint8 RGB pictures of one size."""
+    h, w = frames[0].shape[:2]
+    code = cv2.VideoWriter_fourcc(*CODECS[path.suffix.lower()])
+    writer = cv2.VideoWriter(str(path), code, rate, (w, h))
+    assert writer.isOpened()
+    for frame in frames:
+        writer.write(np.ascontiguousarray(frame[..., ::-1]))
+    writer.release()
+    return path
+
+
+def turned_clip(path: Path) -> None:
+    """Let an MP4 ask to be turned by a quarter, clockwise."""
+    data = bytearray(path.read_bytes())
+    # After tkhd: version and flags, two times, number, 0, duration, 8 zeros, layer,
+    # group, volume, 0; then the matrix.
+    at = data.index(b"tkhd") + 44
+    width = struct.unpack(">i", data[at + 36 : at + 40])[0]
+    data[at : at + 36] = struct.pack(
+        ">9i", 0, 1 << 16, 0, -(1 << 16), 0, 0, width, 0, 1 << 30
+    )
+    path.write_bytes(data)
+
+
+def with_times(path: Path, steps: Sequence[int]) -> None:
+    """Show each frame of an MP4 for so many of the file's units of time."""
+    runs = b"".join(struct.pack(">II", 1, step) for step in steps)
+    body = struct.pack(">II", 0, len(steps)) + runs
+    path.write_bytes(_replaced(path.read_bytes(), (*SAMPLES, b"stts"), lambda _: body))
+
+
+def with_transfer(path: Path, code: int) -> None:
+    """Let an MP4 say which curve its brightness has (ITU-T H.273)."""
+    colr = struct.pack(">I4s4sHHHB", 19, b"colr", b"nclx", 9, code, 9, 0)
+
+    def longer(body: bytes) -> bytes:
+        size, kind = struct.unpack(">I4s", body[8:16])
+        entry = struct.pack(">I4s", size + len(colr), kind) + body[16 : 8 + size]
+        return body[:8] + entry + colr
+
+    path.write_bytes(_replaced(path.read_bytes(), (*SAMPLES, b"stsd"), longer))
+
+
+def _replaced(data: bytes, path: tuple[bytes, ...], change) -> bytes:
+    """A file of boxes with another content in the box at a path."""
+    parts, at = [], 0
+    while at < len(data):
+        size, kind = struct.unpack(">I4s", data[at : at + 8])
+        body = data[at + 8 : at + size]
+        if kind == path[0]:
+            body = change(body) if len(path) == 1 else _replaced(body, path[1:], change)
+        parts.append(struct.pack(">I4s", len(body) + 8, kind) + body)
+        at += size
+    return b"".join(parts)
