@@ -46,7 +46,7 @@ def test_same_names_of_two_folders_are_told_apart_as_the_core_does(rows, tmp_pat
     bpy.ops.bsface.photos_add(directory=str(tmp_path / "more"))
     collect_photos = load("core.prepare")
     paths = photo_list.paths(bpy.context.scene.bsface)
-    assert names() == [name for name, _ in collect_photos._sources(paths)]
+    assert names() == [name for name, _ in collect_photos._sources(paths, False)[0]]
     assert len(set(names())) == 6
 
 

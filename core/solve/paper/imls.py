@@ -336,9 +336,7 @@ def motion_system(
     rows = evidence.rows
     field = photometric_stereo(rows, evidence.readings)
     along = rows.by_displacement * np.array([1.0, 0.0, 0.0])[:, None, None]
-    motion = rows._replace(
-        by_displacement=along, harmonics=rows.harmonics[..., :0]
-    )
+    motion = rows._replace(by_displacement=along, harmonics=rows.harmonics[..., :0])
     dark = replace(evidence.state, lights=evidence.state.lights[:, :0])
     return assemble(motion, dark, [*terms, NormalTerm(samples, field)])
 
