@@ -69,9 +69,9 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         state = context.scene.bsface
         photos = None
         if self.directory:
-            from ...core.images.folder import list_photos
+            from ...core.images.folder import list_sources
 
-            photos = list_photos(bpy.path.abspath(self.directory))
+            photos = list_sources(bpy.path.abspath(self.directory))
         changes = request.parsed(self.settings)
         if self.control_points_u or self.control_points_v:
             changes["control_points"] = (

@@ -20,7 +20,7 @@ from typing import Any
 
 from ..errors import ReconstructionError
 from ..files import write_text
-from ..images.folder import list_photos
+from ..images.folder import list_sources
 from ..landmarks.landmarks import landmark_file_beside
 from ..report.facts import SCHEMA, versions
 
@@ -69,7 +69,7 @@ def fingerprint(folder: Path, settings: dict[str, Any], wanted: Sequence[str]) -
     total = hashlib.sha256()
     # Another version may give another face.
     total.update(json.dumps([settings, list(wanted), versions()]).encode())
-    for photo in list_photos(folder):
+    for photo in list_sources(folder):
         for path in (photo, landmark_file_beside(photo)):
             if path is not None:
                 total.update(f"{path.name}\0{hash_of(path)}".encode())

@@ -198,7 +198,7 @@ def _colours(
             centre = _median(colour[i], known[i], 0.0)
             shading[i] *= np.exp(centre)
             colour[i] -= centre
-        colour = colour @ OPPONENT
+        colour = np.asarray(colour @ OPPONENT, float)
         if known.any():
             spread = 1.4826 * np.median(np.abs(colour[known]), axis=0)
             spread = np.maximum(spread, LEAST_SPREAD) * (SHADOWED, 1, 1)
