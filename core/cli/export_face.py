@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Sequence
 
 from ..errors import ReconstructionError
-from ..formats import ending, export, load_face
+from ..formats import ExportOptions, ending, export, load_face
+from ..formats.options import FIXED_DATE
 from .arguments import check_outputs
 from .terminal import say
 
@@ -27,10 +28,20 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--tolerance",
         type=float,
-        default=0.05,
+        default=0.25,
         metavar="MM",
-        help="of meshes (.obj, .ply), default 0.05",
+        help="of triangles (.obj, .ply, .stl, .3mf), default 0.25",
     )
+    p.add_argument(
+        "--thickness",
+        type=float,
+        default=2.0,
+        metavar="MM",
+        help="of solids (.stl, .3mf), default 2",
+    )
+    p.add_argument("--texture", metavar="PICTURE", help="in .glb and .obj")
+    p.add_argument("--author", default="", help="in .step and .iges")
+    p.add_argument("--date", default=FIXED_DATE, help="in .step and .iges")
     p.add_argument(
         "--whole", action="store_true", help="do not trim to the outline of the face"
     )
@@ -61,14 +72,17 @@ def main(argv: Sequence[str]) -> int:
         return 2
     try:
         face = load_face(args.face)
+        options = ExportOptions(
+            trimmed=not args.whole,
+            tolerance=args.tolerance,
+            name=args.name,
+            texture=args.texture,
+            thickness=args.thickness,
+            author=args.author,
+            date=args.date,
+        )
         for name in args.output:
-            export(
-                name,
-                face,
-                trimmed=not args.whole,
-                tolerance=args.tolerance,
-                name=args.name,
-            )
+            export(name, face, options=options)
     except ReconstructionError as error:
         say(str(error))
         return 1

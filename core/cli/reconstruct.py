@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from ..errors import Cancelled, ReconstructionError, out_of_memory
-from ..formats import export
-from ..images.folder import list_photos
+from ..formats import ExportOptions, ending, export, load_face
 from ..json_text import to_json
 from ..progress import Step
 from ..report.facts import failure_facts, result_facts, versions
@@ -18,10 +19,14 @@ from ..report.log_file import log_file, logged
 from ..report.report import report_files, write_report
 from ..result import Reconstruction
 from ..surface.template import load_template
+from ..texture.bake import bake_texture, write_texture
 from ..threads import one_blas_thread, take_working_space
 from .arguments import check_outputs, parse_settings
 from .bar import Bar
 from .terminal import say, write_out
+
+#: Formats that hold a picture.
+TEXTURED = (".glb", ".obj")
 
 COMMANDS = """commands besides the reconstruction (`bsface COMMAND --help` tells more):
   batch    one face from each sub-folder of photos
@@ -66,6 +71,11 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--report", help="also write a page to look at (.html)")
     p.add_argument("--template", help="another template file (.npz)")
     p.add_argument(
+        "--start",
+        metavar="FACE",
+        help="go on from this face (.npz); control points that it holds stay",
+    )
+    p.add_argument(
         "--set",
         action="append",
         default=[],
@@ -97,9 +107,16 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
     args = parser().parse_args(argv)
     try:
         settings = parse_settings(args.set)
-        template = load_template(args.template) if args.template else None
+        if args.start and args.template:
+            raise ValueError("--start and --template cannot be given together.")
+        template, constraint = None, None
+        if args.template:
+            template = load_template(args.template)
+        if args.start:
+            before = load_face(args.start)
+            template, constraint = before.surface, before.constraint
         check_outputs(args.output, report=args.report, log=args.log)
-    except ValueError as error:
+    except (ReconstructionError, ValueError) as error:
         say(str(error))
         return 2
     bar = None if args.quiet else Bar()
@@ -107,25 +124,25 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
     log = Path(args.log) if args.log else None
     try:
         with log_file(log, shlex.join(["bsface", *argv])) as logger:
-            photos = args.photos
-            if args.recursive:
-                photos = list_photos(photos, recursive=True)
             take_working_space()
             # the same bytes on any number of cores
             with one_blas_thread():
                 face = run(
-                    photos,
+                    args.photos,
                     settings,
                     template=template,
+                    constraint=constraint,
+                    recursive=args.recursive,
                     progress=logged(bar),
                     ignore=args.ignore,
                 )
             for row in face.reports:
                 if row.status != "used":
                     logger.info("%s: %s", row.name, row.reason)
-            for name in args.output:
-                written.append(export(name, face))
-                logger.info("%s written", name)
+            with _textured(face, args.output) as options:
+                for name in args.output:
+                    written.append(export(name, face, options=options))
+                    logger.info("%s written", name)
             if args.report:
                 page = Path(args.report)
                 write_report(page, face, progress=_page_progress(bar))
@@ -154,6 +171,18 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
     if not args.quiet:
         _tell(face, written)
     return 0
+
+
+@contextlib.contextmanager
+def _textured(face: Reconstruction, outputs: Sequence[str]) -> Iterator[ExportOptions]:
+    """Options of the export; with a texture where a format takes one."""
+    if not any(ending(name) in TEXTURED for name in outputs):
+        yield ExportOptions()
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder) / "texture.png"
+        write_texture(picture, bake_texture(face).mean)
+        yield ExportOptions(texture=picture)
 
 
 def _failed(args: argparse.Namespace, bar: Bar | None, sentence: str) -> int:

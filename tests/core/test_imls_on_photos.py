@@ -178,7 +178,7 @@ def test_surface_comes_back(template):
     def last(begin, passes):
         levels = (Level(3.0, passes, 14, 6),)
         problem, estimate, reader = scene(template, prior, begin)
-        parts = JointParts(replace(options, levels=levels), reader)
+        parts = JointParts(replace(options, levels=levels), reader, skin=())
         *_, end = imls(problem, estimate, never_cancelled, parts)
         return end.estimate.surface
 
@@ -192,7 +192,7 @@ def test_iterations_are_those_of_the_table_of_methods(template, prior):
     problem, begin, reader = scene(template, prior, bumped(8.0), 4)
     raised = replace(begin, landmarks_xyz=begin.landmarks_xyz + (0, 0, 2.0))
     levels = (Level(3.0, 1, 8, 2), Level(2.0, 2, 9, 2))
-    parts = JointParts(JointOptions(levels, max_step_mm=0.5), reader)
+    parts = JointParts(JointOptions(levels, max_step_mm=0.5), reader, skin=())
     found = list(imls(problem, raised, never_cancelled, parts))
     assert [one.stage for one in found] == ["shading", "motion"] * 3
     assert [(one.done, one.total) for one in found] == [(k, 6) for k in range(1, 7)]
