@@ -112,7 +112,7 @@ class HeldShading:
         Y = transfer.basis(normals)
         lights, albedo, _, _ = estimate_lighting(
             values, view, Y, np.zeros((len(view), Y.shape[1])), np.ones(len(uv)),
-            options.noise, rounds=ROUNDS, ridge=options.light_ridge,
+            noise=options.noise, rounds=ROUNDS, ridge=options.light_ridge,
         )  # fmt: skip
         return TrueShading(lights, albedo)
 

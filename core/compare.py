@@ -12,14 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ._types import Array
 from .drawing.pictures import colour_map
 from .drawing.render import render_views
 from .surface.alignment import Similarity, eye_distance, fit_similarity
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
 from .texture.views import surface_maps, texel_centres
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -92,9 +92,11 @@ class Settings:
         Gauss-Newton steps at the last of its three levels; the coarse ones take up to
         two and three times as many until they settle.
     outer_passes : int
-        Passes of Algorithm 1 ("imls", "paper").
-    lam, zeta : float
-        ``lambda`` of Eq. 6 and 7, ``zeta`` of Eq. 8.
+        Passes of Algorithm 1: of "paper", and times 2, 2 and 3 at the levels of "imls".
+    lam : float
+        ``lambda`` of Eq. 6 and 7, for "paper".
+    zeta : float
+        ``zeta`` of Eq. 8, for "paper".
     """
 
     method: str = "joint"

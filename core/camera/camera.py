@@ -14,10 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from .._types import Array
 
 #: Parameters of `Camera.moved`: rotation vector (3, radians, applied after R), relative
 #: scale, shift in millimetres at the head (2), relative change of kappa.

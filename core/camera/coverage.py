@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .._types import Array
 
 SIDE = 15.0  # degrees of yaw from which a photo shows a side of the face
 FRONT = 45.0  # beyond this one eye and half of the mouth are hidden

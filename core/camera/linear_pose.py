@@ -12,12 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._types import Array
 from ..errors import PhotoFailure
 from .camera import Camera
-
-Array = NDArray[np.float64]
 
 # An affine map has 8 unknowns, so 4 points; one more makes a residual.
 MINIMUM_POINTS = 5

@@ -5,16 +5,13 @@ All are arrays with row 0 at v = 0 (the forehead) and column 0 at u = 0.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
+from .._types import Array
+from ..photometry.lighting import PhotometricEvidence
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..threads import one_blas_thread
-
-Array = npt.NDArray[np.float64]
 
 #: Name -> order of the derivative by u and v.
 DERIVATIVES = {
@@ -58,14 +55,16 @@ def confidence_map(confidence: Array, size: int = 160) -> Array:
 
 # Delaunay's thousands of systems of two equations: threads only wait for each other.
 @one_blas_thread()
-def residual_map(photometric: Any, size: int = 160) -> Array | None:
+def residual_map(
+    photometric: PhotometricEvidence | None, size: int = 160
+) -> Array | None:
     """Robust mean over photos of the relative intensity residual, (size, size).
 
     None when the evidence has no residuals; NaN outside of its samples.
     """
-    residual = getattr(photometric, "residual", None)
-    if residual is None or not np.size(residual):
+    if photometric is None or not np.size(photometric.residual):
         return None
+    residual = photometric.residual
     # Robust weights: a cast shadow in one photo is no fault of the surface.
     weight = np.asarray(photometric.weights, float)
     total = weight.sum(axis=0)

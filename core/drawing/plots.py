@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from html import escape
 
 import numpy as np
-import numpy.typing as npt
 
+from .._types import Array
 from ..result import HistoryEntry
-
-Array = npt.NDArray[np.float64]
 
 WIDTH, HEIGHT = 360, 270
 _LEFT, _RIGHT, _TOP, _BOTTOM = 56, 10, 14, 36

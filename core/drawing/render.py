@@ -11,17 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .._types import Array
 from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface, grid_parameters, grid_triangles
+from ..surface.template import Template
 from .rasterize import rasterize
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
 #: Yaw of the standard views in degrees; positive turns the nose to the
@@ -51,7 +51,9 @@ class SurfaceGrid:
     inside: npt.NDArray[np.bool_] | None
 
 
-def outline_picture(template: Any, resolution: int = 1024) -> npt.NDArray[np.bool_]:
+def outline_picture(
+    template: Template, resolution: int = 1024
+) -> npt.NDArray[np.bool_]:
     """The template's outline as a picture, ``[row of v, column of u]``.
 
     Pixel (row, column) stands for uv = (column + 0.5, row + 0.5) / resolution.
@@ -65,7 +67,7 @@ def outline_picture(template: Any, resolution: int = 1024) -> npt.NDArray[np.boo
 
 def sample_surface(
     surface: BSplineSurface,
-    template: Any = None,
+    template: Template | None = None,
     resolution: int | tuple[int, int] = 200,
 ) -> SurfaceGrid:
     """Sample a surface on a regular grid, trimmed to the template's outline.
@@ -291,7 +293,7 @@ def view_rotation(view: str | float | Array) -> Array:
 
 def face_views(
     surface: BSplineSurface,
-    template: Any = None,
+    template: Template | None = None,
     *,
     views: Sequence[str | float] = ("front", "three-quarter", "profile"),
     height: int = 440,
@@ -348,7 +350,7 @@ def side_by_side(
 
 def render_views(
     surface: BSplineSurface,
-    template: Any = None,
+    template: Template | None = None,
     *,
     height: int = 440,
     colours: npt.NDArray | None = None,

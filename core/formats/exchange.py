@@ -19,9 +19,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy  # its interpolate loads when it is used, in a tenth of a second
 
+from .._types import Array
 from ..surface.bspline import BSplineSurface
-
-Array = npt.NDArray[np.float64]
 
 #: The edge in space leaves the surface by less than this, in millimetres.
 EDGE_TOLERANCE_MM = 1e-4

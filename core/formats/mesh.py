@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from .._types import Array
 from ..errors import ReconstructionError
 from ..files import write_bytes, write_text
 from ..surface.bspline import BSplineSurface
 
-Array = npt.NDArray[np.float64]
 #: First bytes of the pictures that a material may refer to, and their endings.
 SIGNATURES = {b"\x89PNG\r\n\x1a\n": ".png", b"\xff\xd8\xff": ".jpg"}
 

@@ -16,12 +16,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from .._types import Array
 from ..files import write_bytes
 from ..surface.bspline import BSplineSurface
 from .exchange import ExchangeSurface, NamedCurves, exchange_surface
 from .options import ANONYMOUS, Stamp
-
-Array = npt.NDArray[np.float64]
 
 
 def write_step(

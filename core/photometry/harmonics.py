@@ -8,9 +8,8 @@ The first four are the paper's model ``M = L S`` with ``S = rho (1, n)``.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .._types import Array
 
 
 def basis(n: Array, order: int = 9) -> Array:

@@ -10,14 +10,13 @@ where they started.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .._types import Array
 from ..progress import CheckCancelled, never_cancelled
 from . import harmonics
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -50,16 +49,35 @@ class PhotometricEvidence:
     singular_values: Array
 
 
+class LightingFit(NamedTuple):
+    """What `estimate_lighting` finds; shapes as there."""
+
+    lights: Array
+    albedo: Array
+    weights: Array
+    residual: Array
+
+
+class NormalsFit(NamedTuple):
+    """What `robust_normals` finds; shapes as there."""
+
+    normals: Array
+    albedo: Array
+    lights: Array
+    weights: Array
+
+
 def estimate_lighting(
     values: Array,
     view: Array,
     Y: Array,
     lights: Array,
     albedo: Array,
+    *,
     noise: float,
     rounds: int = 2,
     ridge: float = 1e-3,
-) -> tuple[Array, Array, Array, Array]:
+) -> LightingFit:
     """Lights, albedo and robust weights for known normals.
 
     Parameters
@@ -100,7 +118,7 @@ def estimate_lighting(
         albedo = solve_albedo(values, W, s)
         residual = values - albedo * s
         W = robust_weights(view, residual, noise)
-    return lights, albedo, W, residual
+    return LightingFit(lights, albedo, W, residual)
 
 
 def solve_lights(
@@ -143,7 +161,7 @@ def robust_normals(
     pull: float = 0.05,
     rounds: int = 8,
     check_cancelled: CheckCancelled = never_cancelled,
-) -> tuple[Array, Array, Array, Array]:
+) -> NormalsFit:
     """Normals by photometric stereo with masked, robust samples.
 
     Parameters
@@ -177,7 +195,8 @@ def robust_normals(
     for _ in range(rounds):
         check_cancelled()
         Y = harmonics.basis(normals, order)
-        lights, albedo, W, r = estimate_lighting(values, view, Y, lights, albedo, noise)
+        fit = estimate_lighting(values, view, Y, lights, albedo, noise=noise)
+        lights, albedo, W, r = fit
         t1, t2 = tangents(normals)
         turn = np.einsum("ik,pkx->ipx", lights, harmonics.slope(normals, order))
         turn = albedo[None, :, None] * turn
@@ -198,7 +217,7 @@ def robust_normals(
         size = np.maximum(np.hypot(step[:, 0], step[:, 1]) / 0.3, 1.0)[:, None]
         normals = normals + (step[:, :1] * t1 + step[:, 1:2] * t2) / size
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals, albedo, lights, W
+    return NormalsFit(normals, albedo, lights, W)
 
 
 def tangents(normals: Array) -> tuple[Array, Array]:

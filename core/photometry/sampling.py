@@ -14,12 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .._types import Array
 from ..camera.camera import Camera
 from ..images.photo import Photo
 from ..images.remap import read_between
 from ..surface.bspline import BSplineSurface
-
-Array = NDArray[np.float64]
 
 #: A point is hidden when another part of the surface is this much nearer, mm.
 DEPTH_MARGIN = 4.0

@@ -15,15 +15,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import sph_harm_y
 
+from .._types import Array
 from ..camera.camera import Camera
 from ..surface.bspline import BSplineSurface
 from .harmonics import even_directions
 from .sampling import occluded
-
-Array = NDArray[np.float64]
 
 DIRECTIONS = 320
 COVER = 111  # side of the grid of surface points that cast shadow

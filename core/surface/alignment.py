@@ -10,12 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .._types import Array
 from .bspline import BSplineSurface
 from .template import Template
-
-Array = NDArray[np.float64]
 
 # Outer and inner corner of the right and of the left eye among the 468 landmarks.
 EYE_CORNERS = ((33, 133), (263, 362))

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
+from .._types import Array
 
 # The four cubic pieces of the cardinal B-spline on one knot span, as polynomials of
 # the local coordinate x in [0, 1]: row = power of x, column = control point.

@@ -12,15 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
+from .._types import Array
 from .bending import bending_matrix, mass_matrix
 from .bspline import basis_matrix
 from .template import Template
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._types import Array
 from ..npz_arrays import floats as npz_floats
 from ..npz_arrays import read_arrays
 from .bspline import BSplineSurface
 
-Array = NDArray[np.float64]
 BUNDLED = Path(__file__).resolve().parents[1] / "data" / "template.npz"
 COUNT = 468  # landmarks of the face mesh
 MAX_BYTES = 500_000_000

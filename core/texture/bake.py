@@ -17,21 +17,22 @@ exported files v is turned round already, so the picture fits as it is.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..camera.camera import Camera
 from ..drawing.pictures import write_png
 from ..errors import ReconstructionError
 from ..images.colour import to_picture
 from ..photometry.skin import skin_masks
 from ..progress import CheckCancelled
+from ..result import Reconstruction
 from ..surface.bspline import BSplineSurface
 from .blend import (
     COARSE,
@@ -96,7 +97,7 @@ class Texture:
 
 
 def bake_texture(
-    reconstruction: Any,
+    reconstruction: Reconstruction,
     size: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Texture:
@@ -176,7 +177,14 @@ def bake_texture(
         tell(0.3 + 0.65 * start / size)
         check_cancelled = partial(tell, 0.3 + 0.65 * start / size)
         fine = fine_band(
-            sources, views, shading, own, weight, size, rows, check_cancelled
+            sources,
+            views,
+            shading,
+            own,
+            weight,
+            size=size,
+            rows=rows,
+            check_cancelled=check_cancelled,
         )
         fine *= np.clip(resized(inner, size, rows), 0, 1)[..., None]
         albedo[rows] = resized(smooth, size, rows) + fine
@@ -208,7 +216,10 @@ def natural_size(views: list[View]) -> int:
 
 
 def write_texture(
-    path: str | os.PathLike, linear: Picture, depth: int = 8, mask: Any = None
+    path: str | os.PathLike,
+    linear: Picture,
+    depth: int = 8,
+    mask: npt.NDArray[np.bool_] | None = None,
 ) -> Path:
     """Write a texture as an sRGB PNG, row 0 at v = 0.
 
@@ -237,7 +248,7 @@ def _coarse_sample(source: Picture, view: View) -> Picture:
 
 
 def _skin(
-    reconstruction: Any,
+    reconstruction: Reconstruction,
     faces: list[BSplineSurface],
     views: list[View],
     check_cancelled: CheckCancelled,
@@ -254,7 +265,7 @@ def _skin(
     )
     found = np.empty((len(views), COARSE, COARSE), np.float32)
     for i, (mask, photo, view) in enumerate(zip(masks, photos, views, strict=True)):
-        xy = photo.to_original(view.xy.reshape(-1, 2))
+        xy = photo.to_original(view.xy.reshape(-1, 2).astype(float))
         skin = mask.read(xy).reshape(COARSE, COARSE).astype(np.float32)
         # A step back from hair, as from the rim of what is hidden.
         found[i] = cv2.erode(skin, np.ones((7, 7), np.uint8))
@@ -298,7 +309,7 @@ def _lights(
     return lights
 
 
-def _calmness(reconstruction: Any) -> npt.NDArray[np.float32]:
+def _calmness(reconstruction: Reconstruction) -> npt.NDArray[np.float32]:
     """(n,) weight of each photo by its expression: the surface is that of a calm face.
 
     An open mouth is not only another picture, it also lies elsewhere on the surface.
@@ -310,7 +321,7 @@ def _calmness(reconstruction: Any) -> npt.NDArray[np.float32]:
     return (1 / (1 + size / max(float(np.median(size)), 1.0)) ** 2).astype(np.float32)
 
 
-def _closed_mouth(reconstruction: Any) -> npt.NDArray[np.float64]:
+def _closed_mouth(reconstruction: Reconstruction) -> npt.NDArray[np.float64]:
     """(n,) 1 for closed lips, falling with the gap between them.
 
     The surface has closed lips: teeth on it would be painted skin.
@@ -332,7 +343,7 @@ def _closed_mouth(reconstruction: Any) -> npt.NDArray[np.float64]:
     return closed
 
 
-def _frontality(cameras: Any) -> npt.NDArray[np.float64]:
+def _frontality(cameras: Sequence[Camera]) -> npt.NDArray[np.float64]:
     """(n,) 1 for a frontal photo, falling with the angle.
 
     People look at the camera: eyes that are to look straight ahead are those of a

@@ -192,6 +192,7 @@ def fine_band(
     shading: Picture,
     own: Picture,
     weight: Picture,
+    *,
     size: int,
     rows: slice,
     check_cancelled: CheckCancelled = never_cancelled,

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from .._types import Array
 from ..photometry.transfer import radiance_transfer
 from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface
 from .views import resized, texel_centres
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.float32]
 
 #: Shading is not allowed below this part of a photo's mean: there is no dividing by it.

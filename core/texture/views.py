@@ -9,19 +9,19 @@ stands for u = (column + 1/2) / S, v = (row + 1/2) / S.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .._types import Array
 from ..camera.camera import Camera
 from ..drawing.rasterize import rasterize
 from ..images.photo import Photo
+from ..result import Reconstruction
 from ..surface.alignment import relative_size
 from ..surface.bspline import BSplineSurface, grid_triangles, segment_basis
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.float32]
 
 #: Cosine of the viewing angle at which a photo starts to count.
@@ -221,7 +221,7 @@ def _extended(picture: Picture) -> Picture:
     return np.ascontiguousarray(np.concatenate([left, wide, right], axis=1))
 
 
-def faces_of(reconstruction: Any) -> list[BSplineSurface]:
+def faces_of(reconstruction: Reconstruction) -> list[BSplineSurface]:
     """The face as it is in each used photo, with the expression that it has there."""
     neutral = reconstruction.surface
     found = getattr(reconstruction, "expressions", None)
@@ -236,7 +236,7 @@ def faces_of(reconstruction: Any) -> list[BSplineSurface]:
     ]
 
 
-def view_photos(reconstruction: Any, size: int) -> list[View]:
+def view_photos(reconstruction: Reconstruction, size: int) -> list[View]:
     """`view_photo` for every photo, each on the face with its own expression."""
     return [
         view_photo(face, surface_maps(face, size), photo, camera)

@@ -132,6 +132,37 @@ def test_library_does_not_print(name):
     assert not printed, f"core/{name} prints in lines {printed}; log instead"
 
 
+def functions(path: Path):
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.FunctionDef):
+            yield node
+
+
+@pytest.mark.parametrize("path", modules().values(), ids=modules().keys())
+def test_parameter_lists_are_short(path):
+    """Six positional parameters at most; what is more has a name at the call."""
+    long = []
+    for node in functions(path):
+        names = [a.arg for a in (*node.args.posonlyargs, *node.args.args)]
+        if len([name for name in names if name not in ("self", "cls")]) > 6:
+            long.append(node.name)
+    assert not long
+
+
+@pytest.mark.parametrize("path", modules().values(), ids=modules().keys())
+def test_public_functions_return_no_long_tuples(path):
+    """More than three values have names: a dataclass or a named tuple."""
+    long = []
+    for node in functions(path):
+        found = node.returns
+        if not isinstance(found, ast.Subscript) or node.name.startswith("_"):
+            continue
+        values = getattr(found.slice, "elts", ())
+        if getattr(found.value, "id", "") == "tuple" and len(values) > 3:
+            long.append(node.name)
+    assert not long
+
+
 def test_core_imports_without_blender_and_without_the_extras():
     program = """
 import importlib, pkgutil, sys

@@ -72,7 +72,13 @@ def test_lights_and_albedo_of_known_normals(order):
     Y = harmonics.basis(n, order)
     values = albedo * (lights @ Y.T)
     found = estimate_lighting(
-        values, np.ones_like(values), Y, np.zeros((PHOTOS, order)), albedo, 0.06, 40
+        values,
+        np.ones_like(values),
+        Y,
+        np.zeros((PHOTOS, order)),
+        albedo,
+        noise=0.06,
+        rounds=40,
     )
     got_lights, got_albedo, W, residual = found
     assert np.sqrt((residual**2).mean()) < 0.01
@@ -93,7 +99,14 @@ def test_right_answer_is_a_fixed_point():
     Y = harmonics.basis(n)
     values = albedo * (lights @ Y.T)
     got_lights, got_albedo, _, residual = estimate_lighting(
-        values, np.ones_like(values), Y, lights, albedo, 0.06, 3, ridge=1e-12
+        values,
+        np.ones_like(values),
+        Y,
+        lights,
+        albedo,
+        noise=0.06,
+        rounds=3,
+        ridge=1e-12,
     )
     np.testing.assert_allclose(got_lights, lights, atol=1e-6)
     np.testing.assert_allclose(got_albedo, albedo, atol=1e-6)

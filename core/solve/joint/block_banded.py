@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import solve_triangular
 
+from ..._types import Array
 from .gram import product
-
-Array = NDArray[np.float64]
 
 OVERLAP = 3  # of cubic basis functions, in control points
 

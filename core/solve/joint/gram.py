@@ -9,10 +9,9 @@ therefore go to SciPy's, and only one triangle of them is computed.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dsyrk
 
-Array = NDArray[np.float64]
+from ..._types import Array
 
 
 def gram(A: Array) -> Array:

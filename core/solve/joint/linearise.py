@@ -138,7 +138,7 @@ class RobustShading:
             seen.harmonics,
             state.lights,
             state.albedo,
-            self.noise,
+            noise=self.noise,
             ridge=self.ridge,
         )
         return Shading(lights, albedo, weights, residual)
