@@ -30,7 +30,7 @@ from .lighting import robust_weights, solve_albedo, solve_lights
 from .sampling import smooth_photo, view_weights
 
 GRID = 48  #: samples on a side of the parameter square
-MIDDLE = 0.1  #: distance from the outline, in (u, v), at which the middle begins
+MIDDLE = 0.15  #: distance from the outline, in (u, v), at which the middle begins
 BLUR_MM = 1.5
 GRAZING = 0.2  #: cosine of the viewing angle below which the light is not fitted
 ROUNDS = 4
