@@ -71,7 +71,9 @@ def main(given):
         print(f"{COMMAND}: interrupted", file=sys.stderr, flush=True)
         return INTERRUPTED
     if options.json:
-        print(json.dumps({"ok": True, **facts}, ensure_ascii=False), flush=True)
+        from ..core.json_text import to_json
+
+        print(to_json({"ok": True, **facts}), flush=True)
     return 0
 
 
@@ -268,15 +270,9 @@ def _facts(face, result, written, say):
         say(f"  note: {warning}")
     for path in written:
         say(f"  wrote {path}")
-    return {
-        "face": face.name,
-        "written": written,
-        "warnings": list(result.warnings),
-        "photos": [
-            {"name": r.name, "status": r.status, "reason": r.reason}
-            for r in result.reports
-        ],
-    }
+    from ..core.report.facts import result_facts
+
+    return result_facts(result, files=written) | {"face": face.name}
 
 
 def _summary(name, shape, report, settings):
@@ -302,7 +298,9 @@ def _print_summary(face):
 
 def _say_failure(options, sentence):
     if options.json:
-        print(json.dumps({"ok": False, "error": sentence}, ensure_ascii=False))
+        from ..core.report.facts import failure_facts
+
+        print(json.dumps(failure_facts(sentence), ensure_ascii=False))
     print(f"{COMMAND}: {sentence}", file=sys.stderr, flush=True)
 
 

@@ -47,8 +47,8 @@ def test_json_and_info(addon, solved, tmp_path, capfd):
     given = ["reconstruct", str(tmp_path / "photos"), "-o", str(blend), "--json"]
     assert headless.main([*given, "--name", "Ann"]) == 0
     said = json.loads(capfd.readouterr().out.splitlines()[-1])
-    assert said["ok"] and said["face"] == "Ann" and said["written"] == [str(blend)]
-    assert [photo["status"] for photo in said["photos"]] == ["used"] * 3 + ["no_face"]
+    assert said["ok"] and said["face"] == "Ann" and said["files"] == [str(blend)]
+    assert [photo["status"] for photo in said["report"]] == ["used"] * 3 + ["no_face"]
     assert headless.main(["info", str(blend), "--json"]) == 0
     (face,) = json.loads(capfd.readouterr().out.splitlines()[-1])["faces"]
     assert face["control_points"] == [16, 18] and face["used"] == 3
@@ -137,7 +137,7 @@ def test_as_a_script_on_real_photos(tmp_path):
     )
     assert run.returncode == 0, run.stderr
     said = json.loads(run.stdout.splitlines()[-1])
-    assert [photo["status"] for photo in said["photos"]] == ["used"] * 5
+    assert [photo["status"] for photo in said["report"]] == ["used"] * 5
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     (face,) = [obj for obj in bpy.data.objects if scene.is_face(obj)]
     report = scene.stored(face, scene.REPORT, [])
