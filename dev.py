@@ -28,7 +28,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple, TextIO
 
 ROOT = Path(__file__).resolve().parent
 # Blender LTS line -> the one Python that its bpy wheel fits.
@@ -243,11 +245,24 @@ def _child_environment() -> dict[str, str]:
     return {**env, "PYTHONNOUSERSITE": "1", "PYTHONUNBUFFERED": "1"}
 
 
-def call(command: list[str], limit: float | None = None) -> int:
-    """Run a command in the checkout, its output shown as it comes; exit code."""
+def call(
+    command: list[str], limit: float | None = None, log: TextIO | None = None
+) -> int:
+    """Run a command in the checkout; exit code.
+
+    Its output is shown as it comes, or goes into ``log``.
+    """
+    if log is not None:
+        log.flush()
+    error = None if log is None else subprocess.STDOUT
     try:
         return subprocess.run(
-            command, cwd=ROOT, env=_child_environment(), timeout=limit
+            command,
+            cwd=ROOT,
+            env=_child_environment(),
+            timeout=limit,
+            stdout=log,
+            stderr=error,
         ).returncode
     except subprocess.TimeoutExpired:
         say(f"no end after {limit:.0f} s, stopped: {' '.join(command[1:4])} ...")
@@ -286,60 +301,92 @@ def demo(options: argparse.Namespace) -> int:
     return code
 
 
+class Result(NamedTuple):
+    """How a stage of the tests ended: its exit code, or a remark."""
+
+    title: str
+    code: int | str
+    seconds: float
+
+
 def test(options: argparse.Namespace) -> int:
     line = options.blender or main_line()
     if options.rest:
         python = environment(line, "run", "test", "check")
         return call([python, "-m", "pytest", *options.rest])
     started = time.monotonic()
-    results: list[tuple[str, int | str, float]] = []
-
-    def stage(title: str, command: list[str]) -> None:
-        print(f"\n== {title}", flush=True)
-        before = time.monotonic()
-        results.append((title, call(command, 1500), time.monotonic() - before))
-
-    main_python = python = environment(line, "run", "test", "check")
+    python = environment(line, "run", "test", "check")
     models(python)
-    results.append(("install", 0, time.monotonic() - started))
-    stage("ruff", [python, "-m", "ruff", "check", "."])
-    stage("pyright", [python, "-m", "pyright", "--pythonpath", python])
+    results = [Result("install", 0, time.monotonic() - started)]
     # A file that cannot be read does not keep the others from being tested.
     # The Blender tests run on the zip as it is installed.
     pytest = ["-m", "pytest", "--from-zip"]
     pytest += ["--continue-on-collection-errors", "--durations=10"]
-    stage(f"tests, Blender {line}", [python, *pytest])
-    for other, version in LINES.items():
-        if other == line:
-            continue
-        title = f"Blender tests, Blender {other}"
-        if find_python(version) is None:
-            results.append((title, f"skipped: no Python {_dotted(version)} here", 0.0))
-            continue
-        before = time.monotonic()
-        python = environment(other, "run", "test")
-        results.append((f"install {other}", 0, time.monotonic() - before))
-        stage(title, [python, *pytest, "tests/blender", "tests/extension"])
-    with tempfile.TemporaryDirectory(prefix="bsface-") as folder:
-        reference = Path(folder) / "reference.npy"
-        script = str(ROOT / "tests" / "wheel.py")
-        stage("reference for the wheel", [main_python, script, str(reference)])
-        wheel = build_wheel(main_python, Path(folder))
-        for name, version in WHEELS.items():
-            title = f"wheel, {name} versions, {_dotted(version)}"
-            if find_python(version) is None:
-                results.append((title, f"skipped: no Python {_dotted(version)}", 0.0))
-                continue
-            before = time.monotonic()
-            python = wheel_environment(name, wheel)
-            results.append((f"install {name}", 0, time.monotonic() - before))
-            # isolated: neither the checkout nor the user's packages are on its path
-            stage(title, [python, "-I", script, str(reference)])
+    # Two processes at a time; what the second one says is shown when it is done.
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as log:
+        with ThreadPoolExecutor(1) as beside:
+            others = beside.submit(_other_environments, line, python, pytest, log)
+            for title, words in (
+                ("ruff", ["-m", "ruff", "check", "."]),
+                ("pyright", ["-m", "pyright", "--pythonpath", python]),
+                (f"tests, Blender {line}", pytest),
+            ):
+                results.append(_stage(title, [python, *words]))
+            results += others.result()
+        log.seek(0)
+        sys.stdout.write(log.read())
     print(f"\n== summary ({time.monotonic() - started:.0f} s)")
     for title, code, seconds in results:
         verdict = code if isinstance(code, str) else "FAILED" if code else "passed"
         print(f"   {title:28s} {seconds:6.1f} s  {verdict}")
     return 1 if any(code for _, code, _ in results if isinstance(code, int)) else 0
+
+
+def _stage(title: str, command: list[str], log: TextIO | None = None) -> Result:
+    print(f"\n== {title}", flush=True, file=log)
+    before = time.monotonic()
+    code = call(command, 1500, log)
+    return Result(title, code, time.monotonic() - before)
+
+
+def _other_environments(
+    line: str, main_python: str, pytest: list[str], log: TextIO
+) -> list[Result]:
+    """The Blender tests in the other line, and the wheel outside the checkout."""
+    results: list[Result] = []
+    for other, version in LINES.items():
+        if other == line:
+            continue
+        title = f"Blender tests, Blender {other}"
+        if find_python(version) is None:
+            remark = f"skipped: no Python {_dotted(version)} here"
+            results.append(Result(title, remark, 0.0))
+            continue
+        before = time.monotonic()
+        python = environment(other, "run", "test")
+        seconds = time.monotonic() - before
+        results.append(Result(f"install {other}", 0, seconds))
+        words = [*pytest, "tests/blender", "tests/extension"]
+        results.append(_stage(title, [python, *words], log))
+    with tempfile.TemporaryDirectory(prefix="bsface-") as folder:
+        reference = Path(folder) / "reference.npy"
+        script = str(ROOT / "tests" / "wheel.py")
+        command = [main_python, script, str(reference)]
+        results.append(_stage("reference for the wheel", command, log))
+        wheel = build_wheel(main_python, Path(folder))
+        for name, version in WHEELS.items():
+            title = f"wheel, {name} versions, {_dotted(version)}"
+            if find_python(version) is None:
+                remark = f"skipped: no Python {_dotted(version)}"
+                results.append(Result(title, remark, 0.0))
+                continue
+            before = time.monotonic()
+            python = wheel_environment(name, wheel)
+            seconds = time.monotonic() - before
+            results.append(Result(f"install {name}", 0, seconds))
+            # isolated: neither the checkout nor the user's packages are on its path
+            results.append(_stage(title, [python, "-I", script, str(reference)], log))
+    return results
 
 
 def build(options: argparse.Namespace) -> int:

@@ -176,7 +176,8 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
 @contextlib.contextmanager
 def _textured(face: Reconstruction, outputs: Sequence[str]) -> Iterator[ExportOptions]:
     """Options of the export; with a texture where a format takes one."""
-    if not any(ending(name) in TEXTURED for name in outputs):
+    wanted = any(ending(name) in TEXTURED for name in outputs)
+    if not wanted or not face.has_pixels:
         yield ExportOptions()
         return
     with tempfile.TemporaryDirectory() as folder:
