@@ -29,8 +29,9 @@ CHOSEN = ("000.jpg", "005.jpg", "011.jpg", "020.jpg")
 SMALL = ("--set=control_points=16,16", "--set=iterations=2")
 #: What depends most on the versions of the libraries.
 TESTS = ("photos", "bspline", "harmonics", "formats_cad")
-#: A millionth of the eye distance: sums in another order differ that much.
-TOLERANCE_MM = 62e-6
+#: Versions of OpenCV differ in the last digits of a blur; at the rim of a mask that
+#: adds or drops a sample, which moves control points by 1e-4 mm.
+TOLERANCE_MM = 1e-3
 
 
 def run(folder: Path, *words: str, **variables: str) -> subprocess.CompletedProcess:

@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 from .._types import Array, Array32, Mask, Picture8
 from ..camera.camera import Camera
 from ..images.photo import Photo, cut
+from ..images.remap import read_between
 from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface
 from ..surface.template import Template
@@ -77,15 +78,7 @@ class SkinMask:
         """The mask at pixels (p, 2) of the original, ``(p,)``; as at its rim beyond."""
         x0, y0, scale = self.window
         at = (np.asarray(xy, float) - (x0, y0) + 0.5) * scale - 0.5
-        # remap takes at most 32766 columns at a time
-        rows = -(-len(at) // 1024)
-        places = np.zeros((rows * 1024, 2), np.float32)
-        places[: len(at)] = at
-        x, y = np.ascontiguousarray(places.T).reshape(2, rows, 1024)
-        found = cv2.remap(
-            self.values, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
-        return np.asarray(found, float).ravel()[: len(at)]
+        return np.asarray(read_between(self.values, at), float)
 
     def on(self, photo: Photo) -> Array32:
         """The mask in the pixels of a cut-out, ``(h, w)``."""
