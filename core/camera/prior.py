@@ -9,6 +9,9 @@ import numpy as np
 from .._types import Array
 from .camera import DISTANCE, PARAMETERS, Camera
 
+#: Standard deviation of the logarithm of the distance, in all stages.
+SPREAD = 0.35
+
 
 @dataclass(frozen=True)
 class CameraPrior:
@@ -28,7 +31,7 @@ class CameraPrior:
     """
 
     distance_mm: float = 1200.0
-    spread: float = 0.35
+    spread: float = SPREAD
     damping: float = 1e-9
 
     def precision(self) -> Array:

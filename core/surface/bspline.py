@@ -113,6 +113,14 @@ def basis_matrix(
     )
 
 
+def dense_basis(count: int, x: Array, order: int = 0) -> Array:
+    """As `segment_basis`, as one dense matrix ``(p, count)``."""
+    first, value = segment_basis(count, x, order)
+    dense = np.zeros((len(x), count))
+    np.put_along_axis(dense, first[:, None] + np.arange(4), value, 1)
+    return dense
+
+
 def grid_parameters(nu: int, nv: int) -> tuple[Array, Array]:
     """Flattened ``(u, v)`` of a regular grid, ends included, index ``iu * nv + iv``."""
     u, v = np.meshgrid(np.linspace(0, 1, nu), np.linspace(0, 1, nv), indexing="ij")
@@ -199,8 +207,8 @@ class BSplineSurface:
             if count == old:
                 continue
             x = np.linspace(0, 1, 12 * max(count, old) + 1)
-            new = _dense_basis(count, x)
-            value = np.tensordot(_dense_basis(old, x), b, (1, axis))
+            new = dense_basis(count, x)
+            value = np.tensordot(dense_basis(old, x), b, (1, axis))
             solved = np.linalg.lstsq(new, value.reshape(len(x), -1), rcond=None)[0]
             b = np.moveaxis(solved.reshape(count, *value.shape[1:]), 0, axis)
         return BSplineSurface(b)
@@ -297,10 +305,3 @@ class BSplineSurface:
         uv, distance = self.closest_point(q)
         offset = ((q - self.evaluate(*uv.T)) * self.normals(*uv.T)).sum(1)
         return np.where(offset < 0, -distance, distance)
-
-
-def _dense_basis(count: int, x: Array) -> Array:
-    first, value = segment_basis(count, x)
-    dense = np.zeros((len(x), count))
-    np.put_along_axis(dense, first[:, None] + np.arange(4), value, 1)
-    return dense

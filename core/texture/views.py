@@ -20,7 +20,7 @@ from ..drawing.rasterize import rasterize
 from ..images.photo import Photo
 from ..result import Reconstruction
 from ..surface.alignment import relative_size
-from ..surface.bspline import BSplineSurface, grid_triangles, segment_basis
+from ..surface.bspline import BSplineSurface, dense_basis, grid_triangles
 
 Picture = npt.NDArray[np.float32]
 
@@ -80,8 +80,8 @@ def surface_maps(surface: BSplineSurface, size: int) -> SurfaceMaps:
     at = texel_centres(size)
 
     def evaluate(du: int, dv: int) -> Array:
-        along_u = _dense_basis(surface.shape[0], at, du)
-        along_v = _dense_basis(surface.shape[1], at, dv)
+        along_u = dense_basis(surface.shape[0], at, du)
+        along_v = dense_basis(surface.shape[1], at, dv)
         # (row v, column u, xyz); three small products instead of one sparse matrix
         # with 16 entries a texel.
         half = np.einsum("pm,mnc->pnc", along_u, surface.control_points)
@@ -90,13 +90,6 @@ def surface_maps(surface: BSplineSurface, size: int) -> SurfaceMaps:
     normals = np.cross(evaluate(0, 1), evaluate(1, 0))
     normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
     return SurfaceMaps(evaluate(0, 0), normals)
-
-
-def _dense_basis(count: int, x: Array, order: int) -> Array:
-    first, values = segment_basis(count, x, order)
-    dense = np.zeros((len(x), count))
-    np.put_along_axis(dense, first[:, None] + np.arange(4), values, 1)
-    return dense
 
 
 def view_photo(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ...camera.prior import SPREAD
 from ...settings import Settings
 
 #: Factors on the finest blur and on the iterations, and grid, of each level.
@@ -79,7 +80,7 @@ class JointOptions:
     landmark_mm: float = 1.5
     landmark_weight: float = 0.05
     distance_mm: float = 1200.0
-    distance_spread: float = 0.25
+    distance_spread: float = SPREAD
     camera_damping: float = 1e-6
     max_step_mm: float = 4.0
 
