@@ -34,19 +34,9 @@ def _name(path: Path, options: ExportOptions) -> str:
     return options.name or path.name[: -len(ending(path))] or "face"
 
 
-def _step(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
-    return write_step(
-        path,
-        face.surface,
-        _outline(face, options),
-        _name(path, options),
-        stamp=Stamp(options.author, options.date),
-        curves=options.curves,
-    )
-
-
-def _iges(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
-    return write_iges(
+def _cad(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    write = write_step if ending(path) in (".step", ".stp") else write_iges
+    return write(
         path,
         face.surface,
         _outline(face, options),
@@ -104,10 +94,10 @@ def _solid(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
 
 #: Ending -> (what it is, writer). The longest ending that fits counts.
 WRITERS: dict[str, tuple[str, Writer]] = {
-    ".step": ("STEP, trimmed B-spline surface", _step),
-    ".stp": ("STEP, trimmed B-spline surface", _step),
-    ".igs": ("IGES 128 / 144, trimmed B-spline surface", _iges),
-    ".iges": ("IGES 128 / 144, trimmed B-spline surface", _iges),
+    ".step": ("STEP, trimmed B-spline surface", _cad),
+    ".stp": ("STEP, trimmed B-spline surface", _cad),
+    ".igs": ("IGES 128 / 144, trimmed B-spline surface", _cad),
+    ".iges": ("IGES 128 / 144, trimmed B-spline surface", _cad),
     ".3dm": ("Rhino, B-spline surface and outline curve", _3dm),
     ".nurbs.obj": ("OBJ, free-form B-spline surface", _freeform_obj),
     ".obj": ("OBJ, triangle mesh", _obj),

@@ -53,23 +53,14 @@ def joint(
     options = parts.options or JointOptions.from_settings(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    parts = with_skin(parts, problem, estimate, check_cancelled)
+    parts = with_skin(parts, problem, estimate, model, check_cancelled)
     work = Refinement(problem.photos, estimate.photo_weights, options, terms, parts)
-    uv = problem.landmarks.uv
-    offset = estimate.landmarks_xyz - estimate.surface.evaluate(*uv.T)
     steps = [level.iterations for level in options.levels]
     start = State.start(model, estimate.cameras)
     for one in refine(start, work, check_cancelled):
         state = one.state
         done = sum(steps[: one.level]) + one.turn
-        found = replace(
-            estimate,
-            surface=state.surface,
-            cameras=state.cameras,
-            landmarks_xyz=state.surface.evaluate(*uv.T) + offset,
-            modes=model.modes + state.modes,
-            smooth=estimate.smooth + state.smooth[:, None] * model.directions,
-        )
+        found = estimate_at(state, problem, estimate)
         if done == sum(steps):
             found = replace(
                 found,
@@ -83,12 +74,12 @@ def with_skin(
     parts: JointParts,
     problem: Problem,
     estimate: FaceEstimate,
+    model: DisplacementModel,
     check_cancelled: CheckCancelled,
 ) -> JointParts:
     """The parts with a skin mask per photo; masks that are given stay."""
     if parts.skin is not None:
         return parts
-    model = DisplacementModel.about(problem, estimate)
     skin = skin_masks(
         problem.photos,
         model.faces(estimate.surface),
@@ -97,6 +88,20 @@ def with_skin(
         check_cancelled,
     )
     return replace(parts, skin=skin)
+
+
+def estimate_at(state: State, problem: Problem, start: FaceEstimate) -> FaceEstimate:
+    """The estimate ``start`` moved to a state of the refinement."""
+    uv, model = problem.landmarks.uv, state.model
+    offset = start.landmarks_xyz - start.surface.evaluate(*uv.T)
+    return replace(
+        start,
+        surface=state.surface,
+        cameras=state.cameras,
+        landmarks_xyz=state.surface.evaluate(*uv.T) + offset,
+        modes=model.modes + state.modes,
+        smooth=start.smooth + state.smooth[:, None] * model.directions,
+    )
 
 
 def _deviation(last: JointIteration, model: DisplacementModel) -> Array:

@@ -51,7 +51,7 @@ from ..joint.linearise import (
     linearise,
     read_photos,
 )
-from ..joint.method import photometric_evidence, with_skin
+from ..joint.method import estimate_at, photometric_evidence, with_skin
 from ..joint.options import JointOptions
 from ..joint.refine import JointIteration, JointParts
 from ..joint.samples import Samples, sample_surface
@@ -221,7 +221,7 @@ def imls(
     options = parts.options or schedule(problem.settings)
     model = DisplacementModel.about(problem, estimate)
     terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    parts = with_skin(parts, problem, estimate, check_cancelled)
+    parts = with_skin(parts, problem, estimate, model, check_cancelled)
     work = _Work(problem, estimate, options, terms, parts, check_cancelled)
     state = State.start(model, estimate.cameras)
     done, total = 0, 2 * sum(level.iterations for level in options.levels)
@@ -237,7 +237,7 @@ def imls(
             with singular_reported():
                 state, angle, size = shading_step(now, samples, options.max_step_mm)
             done += 1
-            found = _estimate(work, state)
+            found = estimate_at(state, problem, estimate)
             yield Iteration("shading", found, angle, size, done, total)
             now = work.look(pictures, samples, state)
             with singular_reported():
@@ -245,7 +245,7 @@ def imls(
                 step = system.solve()
             state, size = _retract(now.state, step, samples, options.max_step_mm)
             done += 1
-            found = _estimate(work, state)
+            found = estimate_at(state, problem, estimate)
             if done == total:
                 last = JointIteration(
                     level=number,
@@ -381,17 +381,3 @@ def _weighted(
     T: sparse.csr_array, U: sparse.csr_array, weight: Array
 ) -> sparse.csr_array:
     return sparse.csr_array(T.T @ sparse.diags_array(weight) @ U)
-
-
-def _estimate(work: _Work, state: State) -> FaceEstimate:
-    start, model = work.estimate, state.model
-    uv = work.problem.landmarks.uv
-    offset = start.landmarks_xyz - start.surface.evaluate(*uv.T)
-    return replace(
-        start,
-        surface=state.surface,
-        cameras=state.cameras,
-        landmarks_xyz=state.surface.evaluate(*uv.T) + offset,
-        modes=model.modes + state.modes,
-        smooth=start.smooth + state.smooth[:, None] * model.directions,
-    )
