@@ -48,28 +48,28 @@ def main(given):
         options = arguments.parser().parse_args(given)
     except SystemExit as error:
         return int(error.code or 0)
-    try:
-        with stoppable():
+    with stoppable():
+        try:
             facts = VERBS[options.verb](options)
-    except ReconstructionError as error:
-        _say_failure(options, str(error))
-        return FAILED
-    except ImportError as error:
-        from . import messages
+        except ReconstructionError as error:
+            _say_failure(options, str(error))
+            return FAILED
+        except ImportError as error:
+            from . import messages
 
-        _say_failure(options, messages.MISSING.format(missing=error.name or error))
-        return FAILED
-    except Exception as error:
-        from ..core.errors import out_of_memory
-        from . import messages
+            _say_failure(options, messages.MISSING.format(missing=error.name or error))
+            return FAILED
+        except Exception as error:
+            from ..core.errors import out_of_memory
+            from . import messages
 
-        if not out_of_memory(error):
-            raise
-        _say_failure(options, messages.NO_MEMORY + ".")
-        return FAILED
-    except KeyboardInterrupt:
-        print(f"{COMMAND}: interrupted", file=sys.stderr, flush=True)
-        return INTERRUPTED
+            if not out_of_memory(error):
+                raise
+            _say_failure(options, messages.NO_MEMORY + ".")
+            return FAILED
+        except KeyboardInterrupt:
+            print(f"{COMMAND}: interrupted", file=sys.stderr, flush=True)
+            return INTERRUPTED
     if options.json:
         from ..core.json_text import to_json
 

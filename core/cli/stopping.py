@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 
@@ -19,9 +21,12 @@ def stoppable() -> Iterator[None]:
 
     Unfinished files are then removed on the way out. Signals that somebody else
     handles or ignores (``nohup``) stay as they are, and so do all outside of the main
-    thread.
+    thread. Catch the KeyboardInterrupt inside of the block: objects that it left half
+    made, such as an archive, fail in their ``__del__``, and only the block keeps Python
+    from printing that.
     """
     before = {}
+    hook = sys.unraisablehook
     if threading.current_thread() is threading.main_thread():
         for number in (*_KILLS, signal.SIGINT):
             found = signal.getsignal(number)
@@ -33,6 +38,7 @@ def stoppable() -> Iterator[None]:
     finally:
         for number, found in before.items():
             signal.signal(number, found)
+        sys.unraisablehook = hook
 
 
 def _interrupt(number: int, frame: object) -> None:
@@ -40,4 +46,11 @@ def _interrupt(number: int, frame: object) -> None:
     # it.
     for other in _KILLS:
         signal.signal(other, signal.SIG_IGN)
+    sys.unraisablehook = _while_ending
     raise KeyboardInterrupt
+
+
+def _while_ending(ignored: sys.UnraisableHookArgs) -> None:
+    # Raised in a ``__del__``, the interrupt itself is what Python ignored.
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        threading.Timer(0.01, _thread.interrupt_main).start()

@@ -3,11 +3,13 @@
 Signals at random moments of whole runs: ``python tools/faults.py``.
 """
 
+import gc
 import importlib.util
 import os
 import signal
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -104,6 +106,47 @@ def test_signals_interrupt_and_come_back(name):
         assert signal.getsignal(number) is usual
     finally:
         signal.signal(number, found)
+
+
+class HalfMade:
+    """As `zipfile.ZipFile` is when it is interrupted while it reads the directory."""
+
+    def __init__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        self.whole = True
+
+    def __del__(self):
+        assert self.whole
+
+
+class StoppedInDel:
+    """The signal comes while Python throws something away."""
+
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0)
+
+
+@POSIX
+@pytest.mark.parametrize("kind", [HalfMade, StoppedInDel])
+def test_nothing_is_printed_about_what_an_interrupt_left(kind, capfd):
+    found = signal.signal(signal.SIGINT, signal.default_int_handler)
+    hook, sys.unraisablehook = sys.unraisablehook, sys.__unraisablehook__
+    try:
+        with stoppable():
+            try:
+                kind()
+                for _ in range(1000):
+                    time.sleep(0.01)
+                pytest.fail("the signal was lost")
+            except KeyboardInterrupt:
+                pass
+            gc.collect()
+        assert sys.unraisablehook is sys.__unraisablehook__
+    finally:
+        sys.unraisablehook = hook
+        signal.signal(signal.SIGINT, found)
+    assert capfd.readouterr().err == ""
 
 
 @POSIX
