@@ -13,7 +13,7 @@ from bsface.photometry.lighting import robust_weights, solve_albedo, solve_light
 from bsface.photometry.sampling import IntensityField, smooth_photo
 from bsface.problem import Problem
 from bsface.progress import never_cancelled
-from bsface.solve.expression import select_neutral
+from bsface.solve.expression import move_to_neutral, select_neutral
 from bsface.solve.joint.linearise import Readings, Shading
 from bsface.solve.joint.method import joint
 from bsface.solve.joint.refine import JointParts
@@ -70,7 +70,7 @@ def estimated_surface(
         parts = replace(parts, terms=[*parts.terms, held])
     estimate = select_neutral(problem, last.estimate)
     *_, last = joint(problem, estimate, never_cancelled, parts)
-    return last.estimate.surface
+    return move_to_neutral(problem, last.estimate).surface
 
 
 @dataclass(frozen=True)

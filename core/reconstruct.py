@@ -20,7 +20,7 @@ from .progress import CheckCancelled, Clock, Progress
 from .result import HistoryEntry, Reconstruction
 from .settings import Settings
 from .solve.constraint import hold
-from .solve.expression import select_neutral
+from .solve.expression import move_to_neutral, select_neutral
 from .solve.joint.method import joint
 from .solve.motion import motion
 from .solve.paper.as_printed import paper
@@ -125,6 +125,9 @@ def solve(problem: Problem, clock: Clock | None = None) -> Reconstruction:
         estimate = iteration.estimate
         moved = f"{iteration.stage}: the surface moved {iteration.step_mm:.2f} mm"
         clock.tell("refine", iteration.done, iteration.total, moved)
+    if problem.constraint is None:
+        # The method has measured the expressions again.
+        estimate = move_to_neutral(problem, estimate)
     clock.lap("refine")
     result = finish(problem, estimate, history)
     clock.tell("output", 1, 1, "face finished")

@@ -4,7 +4,8 @@ Motion gives every photo its own mixture of expression modes.  Where the photos 
 that mixture is detection noise, and what they share is part of the shape.  Where they
 differ, the result is the neutral face: the mean of the photos with the least
 expression.  The other photos are seen through their own deformation, and count the less
-the larger it is.
+the larger it is.  The joint refinement measures the expressions again, by the
+intensities, and the neutral face is then taken anew.
 """
 
 from __future__ import annotations
@@ -20,8 +21,11 @@ from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.template import Template
 
 #: Photos differ in expression if a tenth of them moves the landmarks by more than this
-#: (root mean square, mm) against the median; detection noise alone stays below 1.6.
-MIXED_MM = 2.5
+#: (root mean square, mm) against the median; detection noise alone stays below 1.8.
+MIXED_MM = 2.2
+#: Only photos that see the face within this angle say so, if there are enough of them:
+#: of turned faces the landmarks are noisier.
+FRONTAL_DEGREES, FEWEST_FRONTAL = 25.0, 5
 NEUTRAL_SHARE = 0.25
 TRUSTED_MM = 1.5  #: deformation at which a photo counts half
 #: Distance at which a point of another expression counts half when faces are aligned.
@@ -69,42 +73,66 @@ def expression_displacements(
 
 
 def select_neutral(problem: Problem, estimate: FaceEstimate) -> FaceEstimate:
+    """The estimate of the motion stage with the expression that the result has.
+
+    Expressions are zero where the photos share theirs; otherwise they are relative to
+    the neutral face.
+    """
+    e = estimate.expressions
+    shared = replace(estimate, expressions=np.zeros_like(e))
+    if len(e) < 3 or e.shape[1] == 0:
+        return shared
+    away = _Size(problem, e.shape[1])(e - np.median(e, 0))
+    turned = [camera.yaw_pitch_roll[:2] for camera in estimate.cameras]
+    frontal = np.linalg.norm(turned, axis=1) < FRONTAL_DEGREES
+    if frontal.sum() >= FEWEST_FRONTAL:
+        away = away[frontal]
+    if np.quantile(away, 0.9) < MIXED_MM:
+        return shared
+    return move_to_neutral(problem, estimate)
+
+
+def move_to_neutral(problem: Problem, estimate: FaceEstimate) -> FaceEstimate:
     """The estimate moved to the neutral face, its expressions relative to that.
 
-    Expressions are zero where the photos share theirs; otherwise `photo_weights` say
-    how neutral each photo is.
+    `photo_weights` say how neutral each photo is.  Nothing changes if no photo has an
+    expression.
     """
-    template = problem.template
     e = estimate.expressions
     n, k = e.shape
-    if n < 3 or k == 0:
-        return replace(estimate, expressions=np.zeros_like(e))
-    offsets = expression_offsets(template, problem.landmarks.uv, k)
-    gram = np.einsum("lxj,lxk->jk", offsets, offsets) / len(offsets)
-
-    def size(x: Array) -> Array:
-        """Root mean square displacement of the landmarks, mm, ``(n,)``."""
-        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", x, gram, x), 0))
-
-    if np.quantile(size(e - np.median(e, 0)), 0.9) < MIXED_MM:
-        return replace(estimate, expressions=np.zeros_like(e))
-    scale = problem.prior.expression_scale
+    if not e.any():
+        return estimate
+    size, scale = _Size(problem, k), problem.prior.expression_scale
     shared = estimate.modes[len(estimate.modes) - k :] * scale
     order = np.argsort(size(e + shared))
     neutral = e[order[: max(2, round(NEUTRAL_SHARE * n))]].mean(0)
     away = e - neutral
-    (change,) = expression_displacements(template, neutral[None])
+    (change,) = expression_displacements(problem.template, neutral[None])
     modes = estimate.modes.copy()
     if scale > 0:
         modes[len(modes) - k :] += neutral / scale
     return replace(
         estimate,
         surface=BSplineSurface(estimate.surface.control_points + change),
-        landmarks_xyz=estimate.landmarks_xyz + offsets @ neutral,
+        landmarks_xyz=estimate.landmarks_xyz + size.offsets @ neutral,
         expressions=away,
         modes=modes,
         photo_weights=1 / (1 + (size(away) / TRUSTED_MM) ** 2),
     )
+
+
+class _Size:
+    """Root mean square displacement of the landmarks by k expression modes."""
+
+    def __init__(self, problem: Problem, k: int) -> None:
+        self.offsets = expression_offsets(problem.template, problem.landmarks.uv, k)
+        gram = np.einsum("lxj,lxk->jk", self.offsets, self.offsets)
+        self._gram = gram / len(self.offsets)
+
+    def __call__(self, e: Array) -> Array:
+        """mm, ``(n,)``, for coefficients (n, k)."""
+        squares = np.einsum("ij,jk,ik->i", e, self._gram, e)
+        return np.sqrt(np.maximum(squares, 0))
 
 
 def expression_of(

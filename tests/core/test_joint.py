@@ -16,6 +16,7 @@ from bsface.photometry import harmonics
 from bsface.problem import Constraint, FaceEstimate, PhotoCollection, Problem
 from bsface.progress import never_cancelled
 from bsface.settings import Settings
+from bsface.solve.expression import expression_offsets
 from bsface.solve.joint.linearise import Linearisation
 from bsface.solve.joint.marginal import displacement_deviation
 from bsface.solve.joint.method import joint
@@ -153,16 +154,23 @@ class Residual:
         raw = self.photos(surface, self.views)
         self.scale = np.median(raw / one.readings.values, 1, keepdims=True)
 
-    def faces(self, surface):
-        offsets = self.one.before.model.expression_offsets
-        return [BSplineSurface(surface.control_points + e) for e in offsets]
+    def faces(self, surface, expressions=None):
+        before = self.one.before
+        expressions = before.expressions if expressions is None else expressions
+        modes, b = before.model.expression_modes, surface.control_points
+        if not len(modes):
+            return [surface] * PHOTOS
+        return [BSplineSurface(b + np.tensordot(e, modes, 1)) for e in expressions]
 
-    def photos(self, surface, views):
-        parts = zip(self.pictures, views, self.faces(surface), strict=True)
+    def photos(self, surface, views, expressions=None):
+        faces = self.faces(surface, expressions)
+        parts = zip(self.pictures, views, faces, strict=True)
         uv = self.samples.uv
         return np.stack([p.value(c.project(f.evaluate(*uv.T))) for p, c, f in parts])
 
-    def __call__(self, surface=None, views=None, lights=None, albedo=None):
+    def __call__(
+        self, surface=None, views=None, lights=None, albedo=None, expressions=None
+    ):
         surface = self.surface if surface is None else surface
         lights = self.one.before.lights if lights is None else lights
         albedo = self.one.before.albedo if albedo is None else albedo
@@ -171,10 +179,13 @@ class Residual:
         shading = np.stack(
             [
                 transfer.basis(f.normals(*uv.T)) @ light
-                for f, light in zip(self.faces(surface), lights, strict=True)
+                for f, light in zip(
+                    self.faces(surface, expressions), lights, strict=True
+                )
             ]
         )
-        return self.photos(surface, views) / self.scale - albedo * shading
+        values = self.photos(surface, views, expressions) / self.scale
+        return values - albedo * shading
 
 
 @pytest.fixture(scope="module", params=["plane", "template", "expressions"])
@@ -241,18 +252,21 @@ def test_rows_of_a_curved_surface_get_better_with_the_net(template):
     assert medians[1] < 0.1
 
 
-def test_rows_of_the_cameras(case):
-    _, one, residual, _ = case
+def test_rows_of_the_cameras_and_expressions(case):
+    kind, one, residual, _ = case
+    count = one.before.motions
+    assert count == PARAMETERS + (kind == "expressions")
     for i in range(PHOTOS):
 
         def moved(e, i=i):
-            views = list(residual.views)
-            views[i] = views[i].moved(e)
-            return residual(views=views)
+            views, own = list(residual.views), one.before.expressions.copy()
+            views[i] = views[i].moved(e[:PARAMETERS])
+            own[i] += e[PARAMETERS:]
+            return residual(views=views, expressions=own)
 
-        expected = reference.numerical_derivative(moved, PARAMETERS, 1e-5)
+        expected = reference.numerical_derivative(moved, count, 1e-5)
         found = np.zeros_like(expected)
-        found[i] = one.rows.by_photo(i)[:, :PARAMETERS]
+        found[i] = one.rows.by_photo(i)[:, :count]
         np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
 
@@ -267,7 +281,7 @@ def test_rows_of_the_lights_and_of_the_albedo(case):
             return residual(lights=lights)
 
         expected = reference.numerical_derivative(moved, known.shape[1], 1e-3)
-        found = one.rows.by_photo(i)[:, PARAMETERS:]
+        found = one.rows.by_photo(i)[:, one.before.motions :]
         np.testing.assert_allclose(found, expected[i], atol=1e-8)
         assert np.abs(np.delete(expected, i, 0)).max() == 0
     slope = residual(albedo=albedo + 1e-3) - residual(albedo=albedo - 1e-3)
@@ -289,7 +303,7 @@ def random_rows(template, prior, hidden=(), n=3, p=40, q=4):
         residual=rng.normal(size=(n, p)),
         precision=W,
         by_displacement=rng.normal(size=(3, n, p)),
-        by_camera=rng.normal(size=(n, p, PARAMETERS)),
+        by_motion=rng.normal(size=(n, p, PARAMETERS)),
         harmonics=rng.normal(size=(n, p, q)),
         albedo=0.5 + rng.random(p),
         shading=rng.normal(size=(n, p)),
@@ -324,7 +338,7 @@ def dense_system(system):
     A = np.zeros((size + n * m, size + n * m))
     if system.precision:
         A[:size, :size] = sum(system.precision[1:], system.precision[0]).toarray()
-    lights = np.zeros((size, n, m - PARAMETERS))
+    lights = np.zeros((size, n, m - system.state.motions))
     A[:size, size:] = np.concatenate([system.coupling, lights], 2).reshape(size, -1)
     for i in range(n):
         at = slice(size + i * m, size + (i + 1) * m)
@@ -382,7 +396,7 @@ def test_points_that_no_photo_sees_add_nothing(template, prior):
         residual=rows.residual[:, keep],
         precision=rows.precision[:, keep],
         by_displacement=rows.by_displacement[..., keep],
-        by_camera=rows.by_camera[:, keep],
+        by_motion=rows.by_motion[:, keep],
         harmonics=rows.harmonics[:, keep],
         albedo=rows.albedo[keep],
         shading=rows.shading[:, keep],
@@ -395,7 +409,8 @@ def test_points_that_no_photo_sees_add_nothing(template, prior):
 
 def full_system(one, prior, options):
     """All unknowns at once: displacement, modes, photos, albedo; right side too."""
-    n, m = len(one.before.cameras), PARAMETERS + one.before.lights.shape[1]
+    n, motions = len(one.before.cameras), one.before.motions
+    m = motions + one.before.lights.shape[1]
     D = one.before.model.D
     size, count = D.shape
     A, g = dense_rows(one.rows)
@@ -412,6 +427,7 @@ def full_system(one, prior, options):
     known = np.full((n, m), options.light_damping)
     known[:, :6] = options.camera_damping
     known[:, 6] = 1 / options.distance_spread**2
+    known[:, PARAMETERS:motions] = 1 / options.expression_spread**2
     A[border, border] += np.diag(known.ravel())
     for i, camera in enumerate(one.before.cameras):
         away = np.log(camera.kappa * options.distance_mm)
@@ -435,8 +451,10 @@ def test_step_is_that_of_the_dense_system(case, prior):
     )
     np.testing.assert_allclose(state.modes, x[size : size + count], **near)
     own = x[border].reshape(n, -1)
-    lights = one.before.lights + own[:, PARAMETERS:]
-    np.testing.assert_allclose(state.lights, lights, **near)
+    _, expressions, lights = np.split(own, [PARAMETERS, one.before.motions], axis=1)
+    np.testing.assert_allclose(state.lights, one.before.lights + lights, **near)
+    expressions = one.before.expressions + expressions
+    np.testing.assert_allclose(state.expressions, expressions, **near)
     points = np.random.default_rng(0).normal(0, 50, (5, 3))
     for camera, old, step in zip(state.cameras, residual.views, own, strict=True):
         expected = old.moved(step[:PARAMETERS])
@@ -471,40 +489,46 @@ def test_deviation_with_an_albedo_that_splines_do_not_span(case, prior):
 def test_landmark_term(template, prior):
     """Against numerical derivatives of the reprojection with frozen weights."""
     surface, views = plane(), cameras()
-    problem, estimate = start(template, prior, surface, views)
+    problem, estimate = start(template, prior, surface, views, 1.5)
     model = DisplacementModel.about(problem, estimate)
     marks = problem.landmarks
     rng = np.random.default_rng(0)
     T, ways = basis_matrix(SHAPE, *marks.uv.T), directions(surface)
     on = surface.evaluate(*marks.uv.T)
-    offset = rng.normal(0, 2, (PHOTOS, len(on), 3))
-    pixels = np.stack([c.project(on + o) for c, o in zip(views, offset, strict=True)])
+    offset = rng.normal(0, 2, on.shape)
+    modes = expression_offsets(template, marks.uv, 1)
+    own = model.expressions
+    pixels = np.stack(
+        [c.project(on + offset + modes @ e) for c, e in zip(views, own, strict=True)]
+    )
     pixels += rng.normal(0, 3, pixels.shape)
     seen = replace(marks, pixels=pixels, weight=rng.random(pixels.shape[:2]))
     sigma, weight = 1.5, 0.3
     state = State.start(model, estimate.cameras)
     system = BorderedSystem(replace(state, lights=np.zeros((PHOTOS, 4))))
-    LandmarkTerm(seen, offset, T, sigma, weight).add_to(system)
-    m, size = PARAMETERS + 4, len(ways)
+    LandmarkTerm(seen, offset, modes, T, sigma, weight).add_to(system)
+    motions, size = PARAMETERS + 1, len(ways)
+    m = motions + 4
 
     def residual(i, e):
         d, step = e[:size], e[size:]
         b = surface.vector + d[:, None] * ways
-        c = views[i].moved(step)
-        return ((seen.pixels[i] - c.project(T @ b + offset[i])) / views[i].s).ravel()
+        c = views[i].moved(step[:PARAMETERS])
+        Q = T @ b + offset + modes @ (own[i] + step[PARAMETERS:])
+        return ((seen.pixels[i] - c.project(Q)) / views[i].s).ravel()
 
     expected_A = np.zeros((size + 3 * m, size + 3 * m))
     expected_g = np.zeros(size + 3 * m)
     for i, c in enumerate(views):
-        r = residual(i, np.zeros(size + PARAMETERS))
+        r = residual(i, np.zeros(size + motions))
         J = reference.numerical_derivative(
-            lambda e, i=i: residual(i, e), size + PARAMETERS, 1e-5
+            lambda e, i=i: residual(i, e), size + motions, 1e-5
         )
         facing = np.clip((c.toward(on)[:, 2] - 0.1) / 0.3, 0, 1)
         w = weight * seen.weight[i] * facing / sigma**2
         w = w / (1 + (r.reshape(-1, 2) ** 2).sum(1) / (3 * sigma) ** 2)
         w = np.repeat(w, 2)
-        at = np.r_[:size, size + i * m : size + i * m + PARAMETERS]
+        at = np.r_[:size, size + i * m : size + i * m + motions]
         expected_A[np.ix_(at, at)] += J.T @ (w[:, None] * J)
         expected_g[at] -= J.T @ (w * r)
     A, g = dense_system(system)

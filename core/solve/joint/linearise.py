@@ -72,8 +72,9 @@ class Readings(NamedTuple):
         Weight by the viewing angle, 0 where a photo does not see the point.
     values : (n, p) array
         Intensities over the median of their photo.
-    by_camera : (n, p, 7) array
-        Derivative of the values by the parameters of `Camera.moved`.
+    by_motion : (n, p, 7 + e) array
+        Derivative of the values by the parameters of `Camera.moved` and by the
+        expression modes.
     by_displacement : (n, p) array
         Derivative by a displacement of the point along its direction.
     """
@@ -82,7 +83,7 @@ class Readings(NamedTuple):
     harmonics: Array
     view: Array
     values: Array
-    by_camera: Array
+    by_motion: Array
     by_displacement: Array
 
 
@@ -153,8 +154,8 @@ class Linearisation(NamedTuple):
     residual, precision : (n, p) arrays
     by_displacement : (3, n, p) array
         ``c``: derivative by the displacement and by its two slopes.
-    by_camera : (n, p, 7) array
-        First columns of ``h``.
+    by_motion : (n, p, 7 + e) array
+        First columns of ``h``: camera and expression.
     harmonics : (k, p, q) array
         Shading by each harmonic, for all photos (k = 1) or for each of them; times
         minus the albedo these are the last columns of ``h``.
@@ -169,42 +170,41 @@ class Linearisation(NamedTuple):
     residual: Array
     precision: Array
     by_displacement: Array
-    by_camera: Array
+    by_motion: Array
     harmonics: Array
     albedo: Array
     shading: Array
     albedo_precision: float = 0.0
 
     def by_photo(self, i: int, every: int = 1) -> Array:
-        """``h_i``: derivative by camera and light of photo ``i``, ``(p, 7 + q)``.
+        """``h_i``: derivative by the parameters of photo ``i``, ``(p, m)``.
 
         With ``every`` > 1 only each of that many samples.
         """
         Y = self.harmonics[i if len(self.harmonics) > 1 else 0]
         light = -self.albedo[::every, None] * Y[::every]
-        return np.concatenate([self.by_camera[i, ::every], light], 1)
+        return np.concatenate([self.by_motion[i, ::every], light], 1)
 
     def change(self, z: Array) -> Array:
         """``h_i z_i``: change of the residuals (n, p) by photo parameters (n, m)."""
-        camera, light = z[:, :PARAMETERS], z[:, PARAMETERS:]
+        motion, light = np.split(z, [self.by_motion.shape[2]], axis=1)
         if len(self.harmonics) == 1:
             out = product(light, self.harmonics[0].T)
         else:
             out = np.matmul(self.harmonics, light[..., None])[..., 0]
         out *= -self.albedo
-        out += np.matmul(self.by_camera, camera[..., None])[..., 0]
+        out += np.matmul(self.by_motion, motion[..., None])[..., 0]
         return out
 
     def pull(self, x: Array) -> Array:
         """``h_i^T x_i``, ``(n, m)``, for ``x`` (n, p)."""
-        z = np.empty((len(x), PARAMETERS + self.harmonics.shape[2]))
-        z[:, :PARAMETERS] = np.matmul(x[:, None], self.by_camera)[:, 0]
+        motion = np.matmul(x[:, None], self.by_motion)[:, 0]
         light = x * -self.albedo
         if len(self.harmonics) == 1:
-            z[:, PARAMETERS:] = product(light, self.harmonics[0])
+            light = product(light, self.harmonics[0])
         else:
-            z[:, PARAMETERS:] = np.matmul(light[:, None], self.harmonics)[:, 0]
-        return z
+            light = np.matmul(light[:, None], self.harmonics)[:, 0]
+        return np.concatenate([motion, light], 1)
 
 
 def read_photos(
@@ -229,11 +229,12 @@ def read_photos(
     model, cameras = state.model, state.cameras
     n = len(cameras)
     view = view.copy()
-    geometry = samples.geometry(state.surface)
+    geometry = samples.geometry(state.surface, state.expressions)
     X = np.broadcast_to(geometry.points, (n, *geometry.points.shape[1:]))
     direction = samples.T[0] @ model.directions
     values, along = np.zeros_like(view), np.zeros_like(view)
-    by_camera = np.zeros((*view.shape, PARAMETERS))
+    by_motion = np.zeros((*view.shape, state.motions))
+    expressions = samples.expressions[0]
     for i, (picture, camera) in enumerate(zip(pictures, cameras, strict=True)):
         pixels, J, C = camera.jacobians(X[i])
         v, g, inside = picture.read(pixels)
@@ -244,10 +245,12 @@ def read_photos(
         scale = np.median(v[visible, 0]) if visible.any() else 1.0
         scale = max(float(scale), 1e-3)
         values[i], g = v[:, 0] / scale, g[:, 0] / scale
-        by_camera[i] = np.einsum("px,pxa->pa", g, C)
-        along[i] = np.einsum("px,pxa,pa->p", g, J, direction)
+        by_point = np.einsum("px,pxa->pa", g, J)
+        by_motion[i, :, :PARAMETERS] = np.einsum("px,pxa->pa", g, C)
+        by_motion[i, :, PARAMETERS:] = np.einsum("pa,epa->pe", by_point, expressions)
+        along[i] = (by_point * direction).sum(1)
     Y = np.stack([samples.transfer.basis(N) for N in geometry.normals])
-    return Readings(geometry, Y, view, values, by_camera, along)
+    return Readings(geometry, Y, view, values, by_motion, along)
 
 
 def linearise(
@@ -268,19 +271,25 @@ def linearise(
     c = np.empty((3, *seen.values.shape))
     c[0] = seen.by_displacement
     s = np.empty_like(seen.values)
+    by_motion = seen.by_motion.copy()
+    _, E_u, E_v = samples.expressions
     for k, N in enumerate(geometry.normals):
         which = list(range(n)) if len(geometry.normals) == 1 else [k]
         turn = samples.transfer.slopes(N, lights[which])
         for t, i in zip(turn, which, strict=True):
             c[1, i] = albedo * (t * geometry.g_u[k]).sum(1)
             c[2, i] = albedo * (t * geometry.g_v[k]).sum(1)
+            if len(E_u):
+                # The normal turns with what an expression moves along it.
+                turned = c[1, i] * (E_u * N).sum(2) + c[2, i] * (E_v * N).sum(2)
+                by_motion[i, :, PARAMETERS:] += turned.T
             s[i] = seen.harmonics[k] @ lights[i]
     return Linearisation(
         samples,
         shading.residual,
         confidence * shading.weights,
         c,
-        seen.by_camera,
+        by_motion,
         seen.harmonics,
         albedo,
         s,

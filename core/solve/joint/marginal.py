@@ -19,7 +19,6 @@ from scipy.linalg.blas import dsyrk
 from scipy.linalg.lapack import dpotri
 
 from ..._types import Array
-from ...camera.camera import PARAMETERS
 from .coarse_space import smooth_albedo
 from .gram import gram, product
 
@@ -59,7 +58,7 @@ def displacement_deviation(system: BorderedSystem, splines: int = SPLINES) -> Ar
         H = product(h.T, Wh) + system.photo_precision[i]
         R = np.empty((size + q, m))
         R[:size] = sum(t @ (c[a, i][:, None] * Wh) for a, t in enumerate(upright))
-        R[:size, :PARAMETERS] += system.coupling[:, i]
+        R[:size, : system.state.motions] += system.coupling[:, i]
         R[size:] = -product(F.T, s[i][:, None] * Wh)
         k = i % _BATCH
         batch[k * m : (k + 1) * m] = solve_triangular(

@@ -82,7 +82,7 @@ def with_skin(
         return parts
     skin = skin_masks(
         problem.photos,
-        model.faces(estimate.surface),
+        State.start(model, estimate.cameras).faces,
         estimate.cameras,
         problem.template,
         check_cancelled,
@@ -98,6 +98,7 @@ def estimate_at(state: State, problem: Problem, start: FaceEstimate) -> FaceEsti
         start,
         surface=state.surface,
         cameras=state.cameras,
+        expressions=state.expressions if model.mixed else start.expressions,
         landmarks_xyz=state.surface.evaluate(*uv.T) + offset,
         modes=model.modes + state.modes,
         smooth=start.smooth + state.smooth[:, None] * model.directions,

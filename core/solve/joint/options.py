@@ -64,6 +64,8 @@ class JointOptions:
         Standard deviation of a landmark in one photo, and weight of the whole term.
     distance_mm, distance_spread : float
         Mean distance of the cameras, and standard deviation of its logarithm.
+    expression_spread : float
+        Standard deviation of an expression coefficient about the motion estimate.
     camera_damping : float
         Precision of the step of the other parameters of a camera.
     max_step_mm : float
@@ -81,6 +83,7 @@ class JointOptions:
     landmark_weight: float = 0.05
     distance_mm: float = 1200.0
     distance_spread: float = SPREAD
+    expression_spread: float = 0.7
     camera_damping: float = 1e-6
     max_step_mm: float = 4.0
 

@@ -4,7 +4,7 @@ The paper alternates between normals (1st order) and landmarks (0th order).  Her
 kinds of information come from the intensities themselves (`linearise`).  The
 displacement along the normals is a spline with the surface's own basis, so both are
 rows of ``T, T1, T2``.  One Gauss-Newton system holds displacement, identity modes, all
-cameras and all lights; the albedo is projected out point by point (`system`).
+cameras, expressions and lights; the albedo is projected out point by point (`system`).
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def refine(
         for turn in range(1, level.iterations + 1):
             check_cancelled()
             view = parts.visibility(
-                state.model.faces(state.surface),
+                state.faces,
                 state.cameras,
                 samples.uv,
                 options.grazing,

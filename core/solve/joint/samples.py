@@ -42,9 +42,8 @@ class Samples(NamedTuple):
         ``T, T1, T2`` there.
     area : (p,) array
         Area of the surface that each point stands for, mean 1.
-    expression_offsets : list of three (k, p, 3) arrays
-        Displacement of the points and of their two slopes by the expression of each
-        photo; ``k`` is 1 if no photo has one.
+    expressions : list of three (e, p, 3) arrays
+        Displacement of the points and of their two slopes by each expression mode.
     transfer : Transfer
         What the face leaves open of the sky at each point.
     """
@@ -53,13 +52,17 @@ class Samples(NamedTuple):
     uv: Array
     T: list[sparse.csr_array]
     area: Array
-    expression_offsets: list[Array]
+    expressions: list[Array]
     transfer: Transfer
 
-    def geometry(self, surface: BSplineSurface) -> Geometry:
-        """Where the samples are on the face of each photo."""
-        at = zip(self.T, self.expression_offsets, strict=True)
-        X, fu, fv = (t @ surface.vector + move for t, move in at)
+    def geometry(self, surface: BSplineSurface, expressions: Array) -> Geometry:
+        """Where the samples are on the face of each photo, expressions (n, e)."""
+        if expressions.shape[1] == 0:
+            expressions = expressions[:1]
+        at = zip(self.T, self.expressions, strict=True)
+        X, fu, fv = (
+            t @ surface.vector + np.tensordot(expressions, move, 1) for t, move in at
+        )
         N = np.cross(fv, fu)
         N /= np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-12)
         return Geometry(X, N, *contravariant(fu, fv))
@@ -101,7 +104,10 @@ def sample_surface(state: State, level: Level, shadows: bool) -> Samples:
     reference = model.reference
     fu, fv = reference.evaluate(u, v, du=1), reference.evaluate(u, v, dv=1)
     area = np.linalg.norm(np.cross(fu, fv), axis=1)
-    kept = model.expression_offsets if model.mixed else model.expression_offsets[:1]
-    offsets = [np.stack([t @ e.reshape(-1, 3) for e in kept]) for t in T]
+    modes = [mode.reshape(-1, 3) for mode in model.expression_modes]
+    expressions = [
+        np.array([t @ mode for mode in modes]).reshape(len(modes), len(uv), 3)
+        for t in T
+    ]
     transfer = radiance_transfer(surface, uv, level.degree, shadows)
-    return Samples(level, uv, T, area / area.mean(), offsets, transfer)
+    return Samples(level, uv, T, area / area.mean(), expressions, transfer)

@@ -19,7 +19,6 @@ from ...problem import FaceEstimate, Problem
 from ...surface.bspline import BSplineSurface
 from ...surface.prior import ShapePrior
 from ...surface.template import Template
-from ..expression import expression_displacements
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +38,11 @@ class DisplacementModel:
         Displacement by the prior's modes.
     smooth, modes : (M*N,), (k,) arrays
         What the reference has of the two parts already, counted from the template.
-    expression_offsets : (n, M, N, 3) array
-        Displacement of the control points by the expression of each photo.
+    expression_modes : (e, M, N, 3) array
+        Displacement of the control points by each expression; e = 0 if all photos show
+        the same.
+    expressions : (n, e) array
+        Coefficients that the photos start with.
     """
 
     template: Template
@@ -50,7 +52,8 @@ class DisplacementModel:
     D: Array
     smooth: Array
     modes: Array
-    expression_offsets: Array
+    expression_modes: Array
+    expressions: Array
 
     @classmethod
     def about(cls, problem: Problem, estimate: FaceEstimate) -> DisplacementModel:
@@ -61,6 +64,8 @@ class DisplacementModel:
         ]
         directions = reference.normals(*np.meshgrid(*greville, indexing="ij"))
         directions = directions.reshape(-1, 3)
+        e = estimate.expressions
+        e = e if e.any() else e[:, :0]
         return cls(
             problem.template,
             prior,
@@ -69,28 +74,20 @@ class DisplacementModel:
             np.einsum("kbx,bx->bk", prior.modes, directions),
             (estimate.smooth * directions).sum(1),
             estimate.modes,
-            expression_displacements(problem.template, estimate.expressions),
+            problem.template.expression_modes[: e.shape[1]],
+            e,
         )
 
     def surface(self, displacement: Array) -> BSplineSurface:
         """The surface displaced by ``(M*N,)`` millimetres."""
-        moved = (displacement[:, None] * self.directions).reshape(
-            self.expression_offsets.shape[1:]
-        )
+        moved = displacement[:, None] * self.directions
+        moved = moved.reshape(*self.reference.shape, 3)
         return BSplineSurface(self.reference.control_points + moved)
 
-    @cached_property
+    @property
     def mixed(self) -> bool:
         """Whether the photos differ in expression."""
-        return bool(self.expression_offsets.any())
-
-    def faces(self, surface: BSplineSurface) -> BSplineSurface | list[BSplineSurface]:
-        """The surface as it is in each photo; itself if all photos share it."""
-        if not self.mixed:
-            return surface
-        return [
-            BSplineSurface(surface.control_points + e) for e in self.expression_offsets
-        ]
+        return len(self.expression_modes) > 0
 
 
 class Step(NamedTuple):
@@ -100,8 +97,8 @@ class Step(NamedTuple):
     ----------
     smooth, modes : (M*N,), (k,) arrays
         Of the smooth displacement, mm, and of the coefficients of the modes.
-    photos : (n, 7 + q) array
-        Of the camera (`Camera.moved`) and of the light of each photo.
+    photos : (n, 7 + e + q) array
+        Of the camera (`Camera.moved`), the expression and the light of each photo.
     """
 
     smooth: Array
@@ -119,6 +116,8 @@ class State:
     smooth, modes : (M*N,), (k,) arrays
         Counted from the reference of the model.
     cameras : tuple of n Camera
+    expressions : (n, e) array
+        Of the photos.
     lights : (n, q) array
         Harmonics of the light of each photo; zero while nothing is known.
     albedo : (p,) array
@@ -129,6 +128,7 @@ class State:
     smooth: Array
     modes: Array
     cameras: tuple[Camera, ...]
+    expressions: Array
     lights: Array
     albedo: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -140,6 +140,7 @@ class State:
             np.zeros(len(model.D)),
             np.zeros(model.D.shape[1]),
             tuple(cameras),
+            model.expressions,
             np.zeros((len(cameras), 0)),
         )
 
@@ -153,6 +154,20 @@ class State:
         """The face."""
         return self.model.surface(self.displacement)
 
+    @property
+    def faces(self) -> BSplineSurface | list[BSplineSurface]:
+        """The face as it is in each photo; itself if all photos share it."""
+        if not self.model.mixed:
+            return self.surface
+        b = self.surface.control_points
+        moved = np.tensordot(self.expressions, self.model.expression_modes, 1)
+        return [BSplineSurface(b + e) for e in moved]
+
+    @property
+    def motions(self) -> int:
+        """Number of parameters of a photo's camera and expression, 7 + e."""
+        return PARAMETERS + self.expressions.shape[1]
+
     def at_level(self, samples: int, degree: int) -> State:
         """The same face with lights of a degree, and nothing known of the albedo."""
         more = max((degree + 1) ** 2 - self.lights.shape[1], 0)
@@ -161,7 +176,7 @@ class State:
 
     def retract(self, step: Step, damping: float = 1.0) -> State:
         """The state after a step, or after a part of it."""
-        photos = damping * step.photos
+        photos, k = damping * step.photos, self.motions
         cameras = tuple(
             camera.moved(y)
             for camera, y in zip(self.cameras, photos[:, :PARAMETERS], strict=True)
@@ -171,5 +186,6 @@ class State:
             smooth=self.smooth + damping * step.smooth,
             modes=self.modes + damping * step.modes,
             cameras=cameras,
-            lights=self.lights + photos[:, PARAMETERS:],
+            expressions=self.expressions + photos[:, PARAMETERS:k],
+            lights=self.lights + photos[:, k:],
         )

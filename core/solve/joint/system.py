@@ -1,10 +1,11 @@
 """The Gauss-Newton system: albedo eliminated, displacement bordered by the rest.
 
-The unknowns are displacement ``d``, modes ``a`` and the cameras and lights ``z_i`` of n
-photos.  Only what is small or sparse is formed: the block of the displacement,
-``T_a^T diag(.) T_b`` with ``a, b`` in value, u-slope, v-slope, and one block per photo.
-All that couples photos with the face and, by the albedo, with each other is applied
-sample by sample (`border`), so that memory and time are linear in the number of photos.
+The unknowns are displacement ``d``, modes ``a`` and the cameras, expressions and lights
+``z_i`` of n photos.  Only what is small or sparse is formed: the block of the
+displacement, ``T_a^T diag(.) T_b`` with ``a, b`` in value, u-slope, v-slope, and one
+block per photo.  All that couples photos with the face and, by the albedo, with each
+other is applied sample by sample (`border`), so that memory and time are linear in the
+number of photos.
 
 The step comes from the Schur complement of the photos: displacement and modes are
 eliminated exactly, by Cholesky factors, and conjugate gradients find ``z``.
@@ -21,7 +22,6 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..._types import Array
-from ...camera.camera import PARAMETERS
 from ...errors import ReconstructionError
 from .border import Border
 from .coarse_space import CoarseSpace, coarse_space
@@ -58,23 +58,23 @@ class BorderedSystem:
     right : (M*N,) array
         Its right side.
     photo_precision, photo_right : (n, m, m), (n, m) arrays
-        Block and right side of each photo, ``m = 7 + q``; without the intensities,
+        Block and right side of each photo, ``m = 7 + e + q``; without the intensities,
         whose blocks are in `border`.
-    coupling : (M*N, n, 7) array
-        Between displacement and cameras, without the intensities.
+    coupling : (M*N, n, 7 + e) array
+        Between displacement and cameras and expressions, without the intensities.
     border : Border or None
         All that the intensities say about the photos.
     """
 
     def __init__(self, state: State) -> None:
         size, n = len(state.smooth), len(state.cameras)
-        m = PARAMETERS + state.lights.shape[1]
+        m = state.motions + state.lights.shape[1]
         self.state = state
         self.precision: list[sparse.csr_array] = []
         self.right = np.zeros(size)
         self.photo_precision = np.zeros((n, m, m))
         self.photo_right = np.zeros((n, m))
-        self.coupling = np.zeros((size, n, PARAMETERS))
+        self.coupling = np.zeros((size, n, state.motions))
         self.border: Border | None = None
 
     def add_displacement(self, precision: sparse.csr_array, right: Array) -> None:
@@ -88,7 +88,7 @@ class BorderedSystem:
         self.photo_right[i, which] += right
 
     def add_coupling(self, i: int, coupling: Array) -> None:
-        """Add between the displacement and the camera of photo ``i``, (M*N, 7)."""
+        """Add between displacement and motion of photo ``i``, ``(M*N, 7 + e)``."""
         self.coupling[:, i] += coupling
 
     def solve(self) -> Step:
@@ -162,32 +162,32 @@ class BorderedSystem:
         """Product with the Schur complement of the photos, ``(n, m)``."""
         border = self.intensities
         sums = border.sums(z)
-        force = border.to_shape(sums) + self._cameras_to_shape(z)
+        force = border.to_shape(sums) + self._motions_to_shape(z)
         smooth, modes = self.shape.solve(force, self.shape.D.T @ force)
         moved = smooth + self.shape.D @ modes
         out = _apply(self.own, z) - border.to_photos(moved, sums[3])
-        out[:, :PARAMETERS] -= self._shape_to_cameras(moved)
+        out[:, : self.state.motions] -= self._shape_to_motions(moved)
         return out
 
     def _to_shape(self, z: Array) -> Array:
         """Coupling of the photos with the displacement, ``(M*N,)``."""
         border = self.intensities
-        return border.to_shape(border.sums(z)) + self._cameras_to_shape(z)
+        return border.to_shape(border.sums(z)) + self._motions_to_shape(z)
 
     def _to_photos(self, step: tuple[Array, Array]) -> Array:
         """Coupling of displacement and modes with the photos, ``(n, m)``."""
         moved = step[0] + self.shape.D @ step[1]
         out = self.intensities.to_photos(moved)
-        out[:, :PARAMETERS] += self._shape_to_cameras(moved)
+        out[:, : self.state.motions] += self._shape_to_motions(moved)
         return out
 
-    def _cameras_to_shape(self, z: Array) -> Array:
-        cameras = np.ascontiguousarray(z[:, :PARAMETERS])
-        return self.coupling.reshape(len(self.right), -1) @ cameras.ravel()
+    def _motions_to_shape(self, z: Array) -> Array:
+        motions = np.ascontiguousarray(z[:, : self.state.motions])
+        return self.coupling.reshape(len(self.right), -1) @ motions.ravel()
 
-    def _shape_to_cameras(self, moved: Array) -> Array:
+    def _shape_to_motions(self, moved: Array) -> Array:
         pull = moved @ self.coupling.reshape(len(moved), -1)
-        return pull.reshape(-1, PARAMETERS)
+        return pull.reshape(-1, self.state.motions)
 
 
 def _apply(blocks: Array, z: Array) -> Array:

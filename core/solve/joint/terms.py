@@ -18,7 +18,7 @@ from .options import JointOptions
 from .state import DisplacementModel
 from .system import BorderedSystem, Term
 
-CAMERA, LIGHT = slice(PARAMETERS), slice(PARAMETERS, None)
+CAMERA = slice(PARAMETERS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +28,10 @@ class LandmarkTerm:
     Attributes
     ----------
     observations : LandmarkObservations
-    offset : (n, f, 3) array
-        From the surface point to the landmark in each photo, mm.
+    offset : (f, 3) array
+        From the surface point to the landmark, mm.
+    expressions : (f, 3, e) array
+        Displacement of the landmarks by each expression mode, mm.
     T : (f, M*N) sparse array
         Basis at the surface points.
     sigma : float
@@ -40,6 +42,7 @@ class LandmarkTerm:
 
     observations: LandmarkObservations
     offset: Array
+    expressions: Array
     T: sparse.csr_array
     sigma: float
     weight: float
@@ -54,9 +57,9 @@ class LandmarkTerm:
         total, right = np.zeros(len(X)), np.zeros(len(X))
         for i, camera in enumerate(state.cameras):
             weight = self.weight * seen.weight[i] * facing_weight(camera, X, normals)
-            r, J, C, w = landmark_rows(
-                camera, X + self.offset[i], seen.pixels[i], weight, self.sigma
-            )
+            Q = X + self.offset + self.expressions @ state.expressions[i]
+            r, J, C, w = landmark_rows(camera, Q, seen.pixels[i], weight, self.sigma)
+            C = np.concatenate([C, J @ self.expressions], 2)
             J = np.einsum("lxa,la->lx", J, along)
             total += w * (J**2).sum(1)
             right += w * (J * r).sum(1)
@@ -64,7 +67,7 @@ class LandmarkTerm:
             system.add_coupling(i, upright @ both)
             system.add_photo(
                 i,
-                CAMERA,
+                slice(state.motions),
                 np.einsum("lxa,l,lxb->ab", C, w, C),
                 np.einsum("lxa,l,lx->a", C, w, r),
             )
@@ -92,6 +95,28 @@ class CameraTerm:
 
 
 @dataclass(frozen=True)
+class ExpressionTerm:
+    """What the motion estimate knows of the expressions.
+
+    Attributes
+    ----------
+    spread : float
+        Standard deviation of a coefficient about its start.
+    """
+
+    spread: float
+
+    def add_to(self, system: BorderedSystem) -> None:
+        """Add the pull of all expressions."""
+        state = system.state
+        away = state.model.expressions - state.expressions
+        which = slice(PARAMETERS, state.motions)
+        for i in range(len(away)):
+            precision = np.eye(away.shape[1]) / self.spread**2
+            system.add_photo(i, which, precision, away[i] / self.spread**2)
+
+
+@dataclass(frozen=True)
 class LightDamping:
     """A pull of each light to what it is.
 
@@ -108,7 +133,8 @@ class LightDamping:
         n, count = system.state.lights.shape
         for i in range(n):
             pull = self.precision * np.eye(count)
-            system.add_photo(i, LIGHT, pull, np.zeros(count))
+            lights = slice(system.state.motions, None)
+            system.add_photo(i, lights, pull, np.zeros(count))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,19 +178,22 @@ def default_terms(
     seen = problem.landmarks
     T = basis_matrix(estimate.surface.shape, *seen.uv.T)
     offset = estimate.landmarks_xyz - estimate.surface.evaluate(*seen.uv.T)
-    moved = [T @ e.reshape(-1, 3) for e in model.expression_offsets]
+    modes = [T @ mode.reshape(-1, 3) for mode in model.expression_modes]
+    expressions = np.stack(modes, -1) if modes else np.zeros((*offset.shape, 0))
     prior = CameraPrior(
         options.distance_mm, options.distance_spread, options.camera_damping
     )
     terms: list[Term] = [
         LandmarkTerm(
             seen,
-            offset + np.stack(moved),
+            offset,
+            expressions,
             T,
             options.landmark_mm,
             options.landmark_weight,
         ),
         CameraTerm(prior),
+        ExpressionTerm(options.expression_spread),
         LightDamping(options.light_damping),
     ]
     if problem.constraint is not None:

@@ -164,7 +164,7 @@ class _Work:
         options = self.options
         self.check_cancelled()
         view = self.parts.visibility(
-            state.model.faces(state.surface), state.cameras, samples.uv, options.grazing
+            state.faces, state.cameras, samples.uv, options.grazing
         )
         view = view * self.estimate.photo_weights[:, None]
         seen = read_photos(pictures, samples, state, view, self.parts.skin or ())
@@ -183,11 +183,13 @@ class _Work:
         term = next(t for t in self.terms if isinstance(t, LandmarkTerm))
         uv = term.observations.uv
         X, normals = state.surface.evaluate(*uv.T), state.surface.normals(*uv.T)
+        X = X + term.offset
         total = squares = 0.0
         for i, camera in enumerate(state.cameras):
             weight = term.observations.weight[i] * facing_weight(camera, X, normals)
             pixels = term.observations.pixels[i]
-            rows = landmark_rows(camera, X + term.offset[i], pixels, weight, term.sigma)
+            Q = X + term.expressions @ state.expressions[i]
+            rows = landmark_rows(camera, Q, pixels, weight, term.sigma)
             total += float(rows.weight.sum())
             squares += float((rows.weight * rows.distance**2).sum())
         return float(np.sqrt(squares / max(total, 1e-30)))
@@ -372,7 +374,7 @@ def _retract(
     moved = samples.T[0] @ (step.smooth + state.model.D @ step.modes)
     size = float(np.abs(moved).max())
     damping = min(1.0, max_step_mm / max(size, 1e-12))
-    missing = 7 + state.lights.shape[1] - step.photos.shape[1]
+    missing = state.motions + state.lights.shape[1] - step.photos.shape[1]
     photos = np.pad(step.photos, ((0, 0), (0, missing)))
     return state.retract(step._replace(photos=photos), damping), damping * size
 
