@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import solve_triangular
+from scipy.linalg.blas import dtrsm, dtrsv
 
 from ..._types import Array
 from .gram import product
@@ -48,7 +48,7 @@ class BlockCholesky:
             if g:
                 before = slice(self.edges[g - 1], self.edges[g])
                 part = part - product(self.below[g - 1], y[before])
-            y[rows] = solve_triangular(L, part, lower=True, check_finite=False)
+            y[rows] = _forward(L, part)
         return y
 
     def other_half(self, right: Array) -> Array:
@@ -60,9 +60,7 @@ class BlockCholesky:
             if g + 1 < len(self.diagonal):
                 after = slice(self.edges[g + 1], self.edges[g + 2])
                 part = part - product(self.below[g].T, x[after])
-            x[rows] = solve_triangular(
-                self.diagonal[g], part, lower=True, trans="T", check_finite=False
-            )
+            x[rows] = _backward(self.diagonal[g], part)
         return x
 
     def solve(self, right: Array) -> Array:
@@ -96,10 +94,25 @@ def block_cholesky(A: sparse.csr_array, shape: tuple[int, int]) -> BlockCholesky
         block = rows[:, edges[g] : edges[g + 1]].toarray()
         if g:
             left = rows[:, edges[g - 1] : edges[g]].toarray()
-            left = solve_triangular(
-                diagonal[-1], left.T, lower=True, check_finite=False
-            ).T
+            left = _forward(diagonal[-1], np.ascontiguousarray(left.T)).T
             below.append(left)
             block -= left @ left.T
         diagonal.append(np.linalg.cholesky(block))
     return BlockCholesky(edges, tuple(diagonal), tuple(below))
+
+
+# The blocks are small and there are tens of thousands of solutions, so that SciPy's
+# checks of the arguments would take most of the time: BLAS is called directly. An array
+# in C order is the transpose of one in Fortran's.
+def _forward(L: Array, right: Array) -> Array:
+    """``L^-1 right`` for arrays in C order, (b, b) and (b, k)."""
+    if right.shape[1] == 1:
+        return dtrsv(L.T, right[:, 0], trans=1)[:, None]
+    return np.asarray(dtrsm(1.0, L.T, right.T, side=1)).T
+
+
+def _backward(L: Array, right: Array) -> Array:
+    """``L^-T right``."""
+    if right.shape[1] == 1:
+        return dtrsv(L.T, right[:, 0])[:, None]
+    return np.asarray(dtrsm(1.0, L.T, right.T, side=1, trans_a=1)).T
