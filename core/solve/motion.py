@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from .._types import Array, Indices
 from ..camera.camera import DISTANCE, PARAMETERS, Camera
@@ -29,8 +29,11 @@ from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.prior import ShapePrior
 from ..surface.template import Template
 from .expression import expression_offsets
+from .joint.gram import gram
 from .landmark_term import LandmarkRows, facing_weight, landmark_rows
 
+# Photos that are eliminated at a time.
+_BATCH = 16
 # Largest step of a camera: radians, relative change of scale and of distance.
 _LARGEST_STEP = 1.0
 _ROTATION_SCALE_DISTANCE = [0, 1, 2, 3, DISTANCE]
@@ -146,7 +149,7 @@ def estimate_motion(
     m, e = np.zeros((f, 3)), np.zeros((n, count))
     for iteration in range(options.iterations):
         H, g = precision.copy(), -(precision @ m.ravel())
-        blocks = []
+        blocks, halves = [], []
         squares = weights = 0.0
         for i, camera in enumerate(cameras):
             check_cancelled()
@@ -155,8 +158,11 @@ def estimate_motion(
             rows = landmark_rows(camera, Q, landmarks.pixels[i], weight, sigma)
             pull = np.concatenate([options.camera.pull(camera), -e[i]])
             block = _photo_block(rows, E, hold, pull)
-            block.eliminate_from(H, g, rows)
+            halves.append(block.eliminate_from(H, g, rows))
             blocks.append(block)
+            if len(halves) == _BATCH or i + 1 == n:
+                H -= gram(np.concatenate(halves))
+                halves.clear()
             squares += float((rows.weight * rows.distance**2).sum())
             weights += float(rows.weight.sum())
         dm = cho_solve(cho_factor(H + 1e-9 * np.eye(len(H))), g)
@@ -194,12 +200,16 @@ def estimate_motion(
 class _PhotoBlock(NamedTuple):
     """Normal equations of one photo's camera and expression (q = 7 + k unknowns)."""
 
-    factor: tuple[Array, bool]  # Cholesky factor of the photo's own block, (q, q)
+    factor: Array  # lower Cholesky factor of the photo's own block, (q, q)
     B: Array  # (3f, q) coupling with the landmarks
     b: Array  # (q,) right side
 
-    def eliminate_from(self, H: Array, g: Array, rows: LandmarkRows) -> None:
-        """Add the photo to the landmarks' system (3f unknowns), itself eliminated."""
+    def eliminate_from(self, H: Array, g: Array, rows: LandmarkRows) -> Array:
+        """Add the photo to the landmarks' system (3f unknowns), itself eliminated.
+
+        Returns the (q, 3f) array whose gram is still to be taken from ``H``: those of
+        many photos in one product are faster.
+        """
         J, w = rows.by_point, rows.weight
         D = np.einsum("lxa,l,lxb->lab", J, w, J)
         at = 3 * np.arange(len(w))
@@ -207,12 +217,12 @@ class _PhotoBlock(NamedTuple):
             for y in range(3):
                 H[at + x, at + y] += D[:, x, y]
         g += np.einsum("lxa,l,lx->la", J, w, rows.residual).ravel()
-        H -= self.B @ cho_solve(self.factor, self.B.T)
-        g -= self.B @ cho_solve(self.factor, self.b)
+        g -= self.B @ cho_solve((self.factor, True), self.b)
+        return solve_triangular(self.factor, self.B.T, lower=True)
 
     def back_substitute(self, dm: Array) -> Array:
         """Step of the photo's unknowns for the landmarks' step, ``(q,)``."""
-        step = cho_solve(self.factor, self.b - self.B.T @ dm)
+        step = cho_solve((self.factor, True), self.b - self.B.T @ dm)
         # Landmarks that form no face send a camera far away, where nothing brings it
         # back; a step of a usual camera is a tenth of that.
         largest = np.abs(step[_ROTATION_SCALE_DISTANCE]).max()
@@ -226,7 +236,7 @@ def _photo_block(rows: LandmarkRows, E: Array, hold: Array, pull: Array) -> _Pho
     A = np.einsum("lxa,l,lxb->ab", own, w, own) + np.diag(hold)
     b = np.einsum("lxa,l,lx->a", own, w, rows.residual) + pull
     B = np.einsum("lxa,l,lxb->lba", own, w, J).reshape(3 * len(w), -1)
-    return _PhotoBlock(cho_factor(A), B, b)
+    return _PhotoBlock(np.linalg.cholesky(A), B, b)
 
 
 def _inverse(covariance: Array) -> Array:
