@@ -38,6 +38,8 @@ LINES = {"4.5": (3, 11), "5.2": (3, 13)}
 # What the wheel is tested on: the versions of requirements/lowest.txt, and whatever an
 # unpinned `pip install` brings.
 WHEELS = {"lowest": (3, 11), "newest": (3, 13)}
+IN_BLENDER = ("tests/blender", "tests/extension")
+WITHOUT_BLENDER = ("tests", *(f"--ignore={folder}" for folder in IN_BLENDER))
 PHOTOS = ROOT / "examples" / "photos"
 DEMO = ROOT / "out" / "demo"
 
@@ -322,14 +324,15 @@ def test(options: argparse.Namespace) -> int:
     # The Blender tests run on the zip as it is installed.
     pytest = ["-m", "pytest", "--from-zip"]
     pytest += ["--continue-on-collection-errors", "--durations=10"]
-    # Two processes at a time; what the second one says is shown when it is done.
+    # Two processes at a time, of about the same length; what the second one says is
+    # shown when it is done.
     with tempfile.TemporaryFile("w+", encoding="utf-8") as log:
         with ThreadPoolExecutor(1) as beside:
-            others = beside.submit(_other_environments, line, python, pytest, log)
+            others = beside.submit(_in_blender_and_as_wheel, line, python, pytest, log)
             for title, words in (
                 ("ruff", ["-m", "ruff", "check", "."]),
                 ("pyright", ["-m", "pyright", "--pythonpath", python]),
-                (f"tests, Blender {line}", pytest),
+                ("tests without Blender", [*pytest, *WITHOUT_BLENDER]),
             ):
                 results.append(_stage(title, [python, *words]))
             results += others.result()
@@ -349,24 +352,23 @@ def _stage(title: str, command: list[str], log: TextIO | None = None) -> Result:
     return Result(title, code, time.monotonic() - before)
 
 
-def _other_environments(
+def _in_blender_and_as_wheel(
     line: str, main_python: str, pytest: list[str], log: TextIO
 ) -> list[Result]:
-    """The Blender tests in the other line, and the wheel outside the checkout."""
+    """The Blender tests in both lines, and the wheel outside the checkout."""
     results: list[Result] = []
-    for other, version in LINES.items():
-        if other == line:
-            continue
-        title = f"Blender tests, Blender {other}"
-        if find_python(version) is None:
-            remark = f"skipped: no Python {_dotted(version)} here"
-            results.append(Result(title, remark, 0.0))
-            continue
-        before = time.monotonic()
-        python = environment(other, "run", "test")
-        seconds = time.monotonic() - before
-        results.append(Result(f"install {other}", 0, seconds))
-        words = [*pytest, "tests/blender", "tests/extension"]
+    for each, version in LINES.items():
+        title, python = f"Blender tests, Blender {each}", main_python
+        if each != line:
+            if find_python(version) is None:
+                remark = f"skipped: no Python {_dotted(version)} here"
+                results.append(Result(title, remark, 0.0))
+                continue
+            before = time.monotonic()
+            python = environment(each, "run", "test")
+            seconds = time.monotonic() - before
+            results.append(Result(f"install {each}", 0, seconds))
+        words = [*pytest, *IN_BLENDER]
         results.append(_stage(title, [python, *words], log))
     with tempfile.TemporaryDirectory(prefix="bsface-") as folder:
         reference = Path(folder) / "reference.npy"

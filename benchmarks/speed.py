@@ -33,7 +33,7 @@ EXAMPLE = ROOT / "examples" / "photos"
 WORKER = Path(__file__).with_name("_speed_worker.py")
 PARTS = ("import", "photos", "nets", "pixels", "profile", "formula")
 
-COUNTS = (10, 20, 40, 80)
+COUNTS = (10, 20, 40, 80, 160, 320)
 NETS = (20, 30, 40, 60, 80)
 NET_PHOTOS = 20
 #: Megapixels, and of how many photos; 0 = as they are. Forty of twelve is the usual
