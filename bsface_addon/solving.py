@@ -15,6 +15,7 @@ from ..core.camera.coverage import shortcomings
 from ..core.camera.linear_pose import linear_pose
 from ..core.errors import ReconstructionError, memory_reported
 from ..core.formats.face_file import face_bytes
+from ..core.images.mask_file import mask_file_beside
 from ..core.landmarks.all_faces import faces_in
 from ..core.landmarks.landmarks import Landmarks, landmark_file_beside
 from ..core.prepare import Inputs, as_template, collect_photos, make_problem
@@ -178,7 +179,8 @@ def _reading_key(request: Request, template: Template) -> str:
         os.environ.get("BSFACE_MODELS"),
     ]
     for path in request.photos:
-        parts += [str(path), _stamp(path), _stamp(landmark_file_beside(path))]
+        beside = (landmark_file_beside(path), mask_file_beside(path))
+        parts += [str(path), _stamp(path), *map(_stamp, beside)]
     for name, found in sorted(request.landmarks.items()):
         # Those that were detected are what detection finds again.
         if found.source != "detected":

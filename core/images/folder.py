@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ..errors import ReconstructionError
 from .decode import RAW_ENDINGS, why_not
+from .mask_file import is_mask, masked
 from .png import is_marked
 
 READABLE_ENDINGS = frozenset((
@@ -49,7 +50,7 @@ class FolderScan:
     photos, videos : tuple of pathlib.Path
         A file counts by its ending; whether it can be read is the reader's question.
     passed_over : tuple of PassedOver
-        Pictures that bsface wrote, and links to folders.
+        Pictures that bsface wrote, masks without a photo, and links to folders.
     photo_folders : tuple of str
         Sub-folders that hold photos or videos and were not entered.
     others : tuple of str
@@ -110,7 +111,7 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
     """
     folder = Path(folder)
     _check_folder(folder)
-    files: dict[str, list[Path]] = {"photo": [], "video": []}
+    files: dict[str, list[Path]] = {"photo": [], "video": [], "mask": []}
     passed_over: list[PassedOver] = []
     photo_folders: list[str] = []
     others: list[str] = []
@@ -140,6 +141,13 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
                 others.append(name)
             elif kind in files:
                 files[kind].append(path)
+
+    photos = {path.with_suffix("") for path in files["photo"]}
+    for path in files["mask"]:
+        if path.with_name(masked(path.name)) not in photos:
+            name = path.relative_to(folder).as_posix()
+            why = f"{name} is the mask of no photo here; name it as its photo."
+            passed_over.append(PassedOver(name, why))
 
     def order(path: Path) -> tuple:
         return natural_key(path.relative_to(folder).as_posix())
@@ -252,7 +260,7 @@ def _entries(folder: Path, needed: bool) -> Iterator[os.DirEntry]:
 
 
 def _kind(entry: os.DirEntry) -> str:
-    """``photo``, ``video``, ``ours``, ``folder``, ``link``, ``other`` or ``silent``."""
+    """What it counts as: ``photo``, ``mask``, ``folder``, ...; ``silent`` = nothing."""
     if entry.name.startswith("."):
         return "silent"
     try:
@@ -261,6 +269,8 @@ def _kind(entry: os.DirEntry) -> str:
     except OSError:
         pass  # a link to itself: the reader says so
     ending = Path(entry.name).suffix.lower()
+    if is_mask(entry.name):
+        return "mask"
     if ending == ".png" and _is_ours(entry):
         return "ours"
     if ending in READABLE_ENDINGS | FOREIGN_ENDINGS:

@@ -37,6 +37,8 @@ class Photo:
         ``original_xy = (x0, y0) + (pixel_xy + 0.5) / scale - 0.5``.
     note : str
         What the reader should know about how it was read, in one sentence; or empty.
+    mask : (h', w') float32 array or None
+        Of the whole original, from a mask file: 1 = skin, 0 = not, 0.5 = unknown.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Photo:
     pixels: Picture
     window: tuple[float, float, float] = (0.0, 0.0, 1.0)
     note: str = ""
+    mask: Array32 | None = None
 
     def linear(self) -> Array32:
         """(h, w, 3) float32 linear intensity in [0, 1], the sRGB curve undone."""

@@ -18,6 +18,7 @@ import numpy as np
 from .._types import Array
 from ..camera.linear_pose import linear_pose
 from ..errors import PhotoFailure
+from ..images.mask_file import with_mask
 from ..images.photo import Photo, cut
 from ..images.read import read_photo
 from ..progress import CheckCancelled
@@ -100,6 +101,9 @@ class CandidateReader:
             )
         self.names[digest] = name
         self.hashes[name] = _file_hash(photo.path) or digest
+        photo = with_mask(photo)
+        if isinstance(photo, PhotoFailure):
+            return photo
         try:
             found = self._find(photo, check_cancelled)
         except LandmarkFileError as error:

@@ -12,7 +12,7 @@ robust weights of the methods.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -118,7 +118,7 @@ def skin_masks(
     template: Template,
     check_cancelled: CheckCancelled = never_cancelled,
 ) -> tuple[SkinMask, ...]:
-    """What is skin of the face in each photo.
+    """What is skin of the face in each photo, corrected by the photos' mask files.
 
     Parameters
     ----------
@@ -134,8 +134,25 @@ def skin_masks(
     masks = []
     for i, (photo, camera) in enumerate(zip(photos, cameras, strict=True)):
         check_cancelled()
-        masks.append(_mask(photo, camera, colours, i))
+        masks.append(_corrected(_mask(photo, camera, colours, i), photo))
     return tuple(masks)
+
+
+def _corrected(mask: SkinMask, photo: Photo) -> SkinMask:
+    """The mask as the photo's mask file has it; half grey leaves it as it is."""
+    if photo.mask is None:
+        return mask
+    given = SkinMask(photo.mask, (0.0, 0.0, photo.mask.shape[1] / photo.size[0]))
+    if mask.values.size == 1:
+        # nothing was measured: there is no grid yet to correct it on
+        return replace(given, values=np.where(photo.mask < 0.5, 2 * photo.mask, 1.0))
+    h, w = mask.values.shape
+    x0, y0, scale = mask.window
+    x, y = np.meshgrid(np.arange(w), np.arange(h))
+    at = (np.stack([x, y], -1).reshape(-1, 2) + 0.5) / scale - 0.5 + (x0, y0)
+    say = 2 * given.read(at).reshape(h, w).astype(np.float32) - 1
+    values = np.where(say > 0, mask.values + say * (1 - mask.values), mask.values)
+    return replace(mask, values=values * (1 + np.minimum(say, 0)))
 
 
 def overlay(photo: Photo, mask: SkinMask) -> Picture8:

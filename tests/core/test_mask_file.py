@@ -1,0 +1,138 @@
+"""Mask files beside photos: what is read of them, and what they change."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from bsface.errors import PhotoFailure
+from bsface.images.folder import scan_folder
+from bsface.images.mask_file import mask_file_beside, with_mask
+from bsface.images.photo import cut
+from bsface.images.read import read_photo
+from bsface.photometry.skin import skin_masks
+from bsface.prepare import collect_photos
+from bsface.settings import Settings
+from bsface.surface.template import load_template
+from fake_face import person_folder
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skin_scenes import at_sides, masks_of, scene
+
+GREY = 128
+
+
+@pytest.fixture
+def photo(tmp_path):
+    """A photo of 60 x 40 pixels on disk."""
+    path = tmp_path / "me 1.jpg"
+    cv2.imwrite(str(path), np.full((40, 60, 3), 90, np.uint8))
+    return path
+
+
+def paint(photo, values):
+    path = photo.with_name(f"{photo.stem}.mask.png")
+    cv2.imwrite(str(path), np.asarray(values, np.uint8))
+    return path
+
+
+def test_a_mask_is_found_by_its_name_and_is_no_photo(photo):
+    assert mask_file_beside(photo) is None
+    path = paint(photo, np.zeros((40, 60)))
+    assert mask_file_beside(photo) == path
+    scan = scan_folder(photo.parent)
+    assert scan.photos == (photo,) and not scan.passed_over and not scan.others
+
+
+def test_a_mask_without_a_photo_is_named(photo):
+    paint(photo.with_name("you.jpg"), np.zeros((40, 60)))
+    (passed_over,) = scan_folder(photo.parent).passed_over
+    assert passed_over.name == "you.mask.png"
+    assert passed_over.reason.startswith("you.mask.png is the mask of no photo")
+
+
+def test_grey_levels_of_a_mask(photo):
+    values = np.zeros((40, 60))
+    values[:, 20:40], values[:, 40:] = GREY, 255
+    paint(photo, values)
+    mask = with_mask(read_photo(photo)).mask
+    np.testing.assert_array_equal(mask[0, ::20], [0.0, 0.5, 1.0])
+
+
+def test_a_photo_without_a_mask_stays_as_it_is(photo):
+    read = read_photo(photo)
+    assert with_mask(read) is read and read.mask is None
+
+
+def test_a_mask_stays_with_the_cut_out(photo):
+    paint(photo, np.full((40, 60), 255))
+    whole = with_mask(read_photo(photo))
+    assert cut(whole, (10, 10, 30, 30)).mask is whole.mask
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"no picture", "me 1.mask.png"),
+        (b"", "me 1.mask.png"),
+        (cv2.imencode(".png", np.zeros((60, 40)))[1].tobytes(), "40 x 60 pixels"),
+    ],
+)
+def test_a_mask_that_cannot_be_used_is_told(photo, content, words):
+    photo.with_name("me 1.mask.png").write_bytes(content)
+    found = with_mask(read_photo(photo))
+    assert isinstance(found, PhotoFailure)
+    assert (found.name, found.code) == ("me 1.jpg", "unreadable")
+    assert words in found.reason and "\n" not in found.reason
+
+
+def test_one_bad_mask_leaves_the_other_photos(tmp_path):
+    person_folder(tmp_path, count=3, side=160)
+    photos = scan_folder(tmp_path).photos
+    photos[1].with_name(f"{photos[1].stem}.mask.png").write_bytes(b"no picture")
+    found = collect_photos(tmp_path, Settings(detector=False, one_person=False))
+    assert [item.name for item in found.failures] == [photos[1].name]
+    assert len(found.photos) == 2
+
+
+# --- what they change ----------------------------------------------------------------
+
+
+def with_given(scenes, values):
+    """The scenes, the first with this mask of 24 x 24 pixels."""
+    (photo, camera), *rest = scenes
+    mask = np.broadcast_to(np.float32(values), (24, 24)).copy()
+    return [(replace(photo, mask=mask), camera), *rest]
+
+
+SCENES = [scene(yaw) for yaw in (0, 4, 8)]
+
+
+def test_half_grey_changes_nothing():
+    np.testing.assert_array_equal(at_sides(with_given(SCENES, 0.5)), at_sides(SCENES))
+
+
+def test_black_is_not_skin_and_white_is_whatever_was_measured():
+    measured = at_sides(SCENES)
+    black, white = (at_sides(with_given(SCENES, x)) for x in (0.0, 1.0))
+    np.testing.assert_allclose(black[0], 0, atol=1e-6)
+    np.testing.assert_allclose(white[0], 1, atol=1e-6)
+    np.testing.assert_array_equal(black[1:], measured[1:])
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.floats(0, 1, width=32), st.floats(0, 1, width=32))
+def test_a_brighter_mask_never_means_less_skin(a, b):
+    low, high = (masks_of(with_given(SCENES, x))[0] for x in sorted((a, b)))
+    assert (high.values >= low.values - 1e-6).all()
+    assert low.values.min() >= 0 and high.values.max() <= 1
+
+
+def test_a_photo_that_is_not_measured_takes_its_mask_alone():
+    (photo, camera), *rest = with_given(SCENES, 0.25)
+    away = replace(camera, t=(5000.0, 0.0))
+    template = load_template()
+    photos = [photo, *(p for p, _ in rest)]
+    cameras = [away, *(c for _, c in rest)]
+    (mask, *_) = skin_masks(photos, template.surface, cameras, template)
+    np.testing.assert_allclose(mask.values, 0.5)
