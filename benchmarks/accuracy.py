@@ -154,10 +154,12 @@ def report(rows: list[dict[str, object]], spread: list[dict[str, object]]) -> No
     """Print the tables."""
     print("\n" + text_table(rows, COLUMNS, [("set", "set"), ("method", "method")]))
     keys = [k for k, _, _ in COLUMNS]
-    for title, chosen in (
-        ("one expression (S1-S4)", [r for r in rows if r["set"][-2:] != "S5"]),
-        ("mixed expressions (S5)", [r for r in rows if r["set"][-2:] == "S5"]),
+    for title, ends in (
+        ("one expression (S1-S4)", "1234"),
+        ("mixed expressions (S5)", ("S5",)),
+        ("press-like pictures (P5)", ("P5",)),
     ):
+        chosen = [r for r in rows if str(r["set"]).endswith(tuple(ends))]
         if chosen:
             print(f"\nmean over the sets with {title}")
             means = averages(chosen, keys, "method")

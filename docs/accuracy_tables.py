@@ -104,12 +104,10 @@ def by_set(rows: list[Row]) -> str:
 
 
 def by_method(rows: list[Row]) -> str:
-    """Means over all sets, one expression and mixed expressions apart."""
+    """Means over the sets of one expression, of mixed ones and of press photos."""
     lines = []
-    for kind, chosen in (
-        ("S1-S4", [r for r in rows if not r["set"].endswith("S5")]),
-        ("S5", [r for r in rows if r["set"].endswith("S5")]),
-    ):
+    for kind, ends in (("S1-S4", "1234"), ("S5", ("S5",)), ("P5", ("P5",))):
+        chosen = [r for r in rows if r["set"].endswith(tuple(ends))]
         for method in dict.fromkeys(r["method"] for r in chosen):
             own = [r for r in chosen if r["method"] == method]
             line: dict[str, object] = {"kind": f"{kind} ({len(own)})", "method": method}

@@ -13,7 +13,7 @@ SCHEDULE = ((3.75, 3, 40), (1.9, 2, 50), (1.0, 1, 75))
 #: The highest degree of the light at all levels but the last.
 COARSE_DEGREE = 4
 #: Largest step after which a coarse level is done, mm.
-SETTLED_MM = 0.4
+SETTLED_MM = 0.3
 
 
 class Level(NamedTuple):
