@@ -35,9 +35,6 @@ from .samples import sample_surface
 from .state import State
 from .system import BorderedSystem, Term, assemble
 
-#: Largest part by which a step is made longer than Gauss and Newton have it.
-OVER_RELAXATION = 0.5
-
 
 @dataclass(frozen=True, eq=False)
 class JointParts:
@@ -147,7 +144,6 @@ def refine(
     solve_shading = parts.shading or RobustShading(options.noise, options.light_ridge)
     confidence = options.independence / options.noise**2
     for number, level in enumerate(options.levels):
-        last: Array | None = None
         samples = sample_surface(state, level, options.shadows)
         state = state.at_level(len(samples.uv), level.degree)
         pictures = []
@@ -177,9 +173,7 @@ def refine(
             check_cancelled()
             moved = samples.T[0] @ (step.smooth + state.model.D @ step.modes)
             size = float(np.abs(moved).max())
-            length = _relaxation(moved, last)
-            damping = min(length, options.max_step_mm / max(size, 1e-12))
-            last = moved
+            damping = min(1.0, options.max_step_mm / max(size, 1e-12))
             state = before.retract(step, damping)
             size *= damping
             yield JointIteration(
@@ -187,15 +181,3 @@ def refine(
             )
             if size < level.settled_mm:
                 break
-
-
-def _relaxation(moved: Array, last: Array | None) -> float:
-    """Factor on a step: longer the more it goes the way of the last one.
-
-    Albedo, robust weights and visibility are those of the face before the step, so that
-    steps in one direction follow each other, each a little shorter.
-    """
-    if last is None:
-        return 1.0
-    lengths = np.linalg.norm(moved) * np.linalg.norm(last)
-    return 1.0 + OVER_RELAXATION * max(float(moved @ last) / max(lengths, 1e-30), 0.0)
