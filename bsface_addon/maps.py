@@ -19,7 +19,7 @@ from ..core.drawing.maps import confidence_map, residual_map
 from ..core.drawing.pictures import colour_map, encode_png
 from ..core.images.colour import to_picture
 from ..core.result import Reconstruction
-from ..core.surface.bspline import BSplineSurface, segment_basis
+from ..core.surface.bspline import BSplineSurface, dense_basis
 from ..core.texture.bake import Texture
 
 RESOLUTION = 512
@@ -84,8 +84,10 @@ def all_maps(result: Reconstruction, texture: Texture | None = None) -> dict[str
 
 def normals(surface: BSplineSurface, outline_uv: Array) -> Map:
     """Normals as colours: red is x (the picture's right), green y (up), blue z."""
+    at = (np.arange(RESOLUTION) + 0.5) / RESOLUTION
     (bu, du), (bv, dv) = (
-        (_basis(count, 0), _basis(count, 1)) for count in surface.shape
+        (dense_basis(count, at, 0), dense_basis(count, at, 1))
+        for count in surface.shape
     )
     # A grid needs no evaluation point by point: one product along each direction.
     along_u = np.einsum("vn,um,mnx->vux", bv, du, surface.control_points, optimize=True)
@@ -98,15 +100,6 @@ def normals(surface: BSplineSurface, outline_uv: Array) -> Map:
         outline_uv,
         "Red: to the picture's right, green: up, blue: to the camera",
     )
-
-
-def _basis(count: int, order: int) -> Array:
-    """Basis functions or their derivatives at the pixels, (RESOLUTION, count)."""
-    at = (np.arange(RESOLUTION) + 0.5) / RESOLUTION
-    first, value = segment_basis(count, at, order)
-    dense = np.zeros((RESOLUTION, count))
-    np.put_along_axis(dense, first[:, None] + np.arange(4), value, 1)
-    return dense
 
 
 def painted(pixels: NDArray[np.uint8], outline_uv: Array, legend: str = "") -> Map:
