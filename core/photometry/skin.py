@@ -83,9 +83,17 @@ class SkinMask:
     def on(self, photo: Photo) -> Array32:
         """The mask in the pixels of a cut-out, ``(h, w)``."""
         h, w = photo.pixels.shape[:2]
-        x, y = np.meshgrid(np.arange(w), np.arange(h))
-        xy = photo.to_original(np.stack([x, y], -1).reshape(-1, 2))
+        xy = _original_pixels((h, w), photo.window)
         return self.read(xy).reshape(h, w).astype(np.float32)
+
+
+def _original_pixels(
+    shape: tuple[int, ...], window: tuple[float, float, float]
+) -> Array:
+    """Pixels of the original under those of a part of it, row by row, (h * w, 2)."""
+    x0, y0, scale = window
+    y, x = np.indices(shape[:2])
+    return (np.stack([x, y], -1).reshape(-1, 2) + 0.5) / scale - 0.5 + (x0, y0)
 
 
 class _Colours(NamedTuple):
@@ -145,12 +153,9 @@ def _corrected(mask: SkinMask, photo: Photo) -> SkinMask:
     given = SkinMask(photo.mask, (0.0, 0.0, photo.mask.shape[1] / photo.size[0]))
     if mask.values.size == 1:
         # nothing was measured: there is no grid yet to correct it on
-        return replace(given, values=np.where(photo.mask < 0.5, 2 * photo.mask, 1.0))
-    h, w = mask.values.shape
-    x0, y0, scale = mask.window
-    x, y = np.meshgrid(np.arange(w), np.arange(h))
-    at = (np.stack([x, y], -1).reshape(-1, 2) + 0.5) / scale - 0.5 + (x0, y0)
-    say = 2 * given.read(at).reshape(h, w).astype(np.float32) - 1
+        mask = replace(given, values=np.ones_like(given.values))
+    at = _original_pixels(mask.values.shape, mask.window)
+    say = 2 * given.read(at).reshape(mask.values.shape).astype(np.float32) - 1
     values = np.where(say > 0, mask.values + say * (1 - mask.values), mask.values)
     return replace(mask, values=values * (1 + np.minimum(say, 0)))
 
@@ -265,8 +270,7 @@ def _mask(photo: Photo, camera: Camera, colours: _Colours, i: int) -> SkinMask:
     )
     scale /= shrink
     h, w = small.shape[:2]
-    x, y = np.meshgrid(np.arange(w), np.arange(h))
-    at = (np.stack([x, y], -1).reshape(-1, 2) + 0.5) / scale - 0.5 + (x0, y0)
+    at = _original_pixels((h, w), (x0, y0, scale))
     distance, nearest = cKDTree(xy / camera.s).query(at / camera.s, k=NEIGHBOURS)
     # Beyond all samples the nearest ones decide.
     weight = np.exp(-0.5 * (distance / NEAR_MM) ** 2) + 1e-12 / (1 + distance) ** 4
