@@ -51,12 +51,8 @@ def joint(
         and the deviation of the control points.
     """
     options = parts.options or JointOptions.from_settings(problem.settings)
-    model = DisplacementModel.about(problem, estimate)
-    terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    parts = with_skin(parts, problem, estimate, model, check_cancelled)
-    work = Refinement(problem.photos, estimate.photo_weights, options, terms, parts)
+    work, start = begin(problem, estimate, options, parts, check_cancelled)
     steps = [level.iterations for level in options.levels]
-    start = State.start(model, estimate.cameras)
     for one in refine(start, work, check_cancelled):
         state = one.state
         done = sum(steps[: one.level]) + one.turn
@@ -65,29 +61,36 @@ def joint(
             found = replace(
                 found,
                 photometric=photometric_evidence(one),
-                deviation=_deviation(one, model),
+                deviation=_deviation(one, start.model),
             )
         yield Iteration("refine", found, one.residual, one.step_mm, done, sum(steps))
 
 
-def with_skin(
-    parts: JointParts,
+def begin(
     problem: Problem,
     estimate: FaceEstimate,
-    model: DisplacementModel,
+    options: JointOptions,
+    parts: JointParts,
     check_cancelled: CheckCancelled,
-) -> JointParts:
-    """The parts with a skin mask per photo; masks that are given stay."""
-    if parts.skin is not None:
-        return parts
-    skin = skin_masks(
-        problem.photos,
-        State.start(model, estimate.cameras).faces,
-        estimate.cameras,
-        problem.template,
-        check_cancelled,
-    )
-    return replace(parts, skin=skin)
+) -> tuple[Refinement, State]:
+    """What refines an estimate, and the state at which it starts.
+
+    Each photo gets a skin mask, unless the parts bring them.
+    """
+    model = DisplacementModel.about(problem, estimate)
+    terms = [*default_terms(problem, estimate, model, options), *parts.terms]
+    start = State.start(model, estimate.cameras)
+    if parts.skin is None:
+        skin = skin_masks(
+            problem.photos,
+            start.faces,
+            estimate.cameras,
+            problem.template,
+            check_cancelled,
+        )
+        parts = replace(parts, skin=skin)
+    photos, weights = problem.photos, estimate.photo_weights
+    return Refinement(photos, weights, options, terms, parts), start
 
 
 def estimate_at(state: State, problem: Problem, start: FaceEstimate) -> FaceEstimate:

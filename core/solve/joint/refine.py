@@ -21,6 +21,7 @@ from ...photometry.skin import SkinMask
 from ...progress import CheckCancelled
 from .linearise import (
     Linearisation,
+    Picture,
     PictureReader,
     Readings,
     RobustShading,
@@ -30,9 +31,9 @@ from .linearise import (
     linearise,
     read_photos,
 )
-from .options import JointOptions
-from .samples import sample_surface
-from .state import State
+from .options import JointOptions, Level
+from .samples import Samples, sample_surface
+from .state import State, Step
 from .system import BorderedSystem, Term, assemble
 
 
@@ -85,6 +86,59 @@ class Refinement:
     options: JointOptions
     terms: Sequence[Term]
     parts: JointParts = JointParts()  # noqa: RUF009 (frozen)
+
+    def pictures(
+        self, state: State, level: Level, check_cancelled: CheckCancelled
+    ) -> list[Picture]:
+        """The photos, smoothed for a level."""
+        found = []
+        for photo, camera in zip(self.photos, state.cameras, strict=True):
+            check_cancelled()
+            found.append(self.parts.reader(photo, camera, level.blur_mm))
+        return found
+
+    def look(
+        self,
+        pictures: Sequence[Picture],
+        samples: Samples,
+        state: State,
+        check_cancelled: CheckCancelled,
+    ) -> Evidence:
+        """Light and albedo for the face as it is, and the derivatives."""
+        options, parts = self.options, self.parts
+        check_cancelled()
+        view = parts.visibility(state.faces, state.cameras, samples.uv, options.grazing)
+        check_cancelled()
+        view = view * self.photo_weights[:, None]
+        seen = read_photos(pictures, samples, state, view, parts.skin or ())
+        check_cancelled()
+        solve = parts.shading or RobustShading(options.noise, options.light_ridge)
+        shading = solve(seen, samples, state)
+        state = replace(state, lights=shading.lights, albedo=shading.albedo)
+        check_cancelled()
+        confidence = options.independence / options.noise**2
+        rows = linearise(seen, shading, samples, confidence)
+        check_cancelled()
+        return Evidence(state, seen, shading, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """The photos at a state.
+
+    Attributes
+    ----------
+    state : State
+        With the lights and the albedo of `shading`.
+    readings : Readings
+    shading : Shading
+    rows : Linearisation
+    """
+
+    state: State
+    readings: Readings
+    shading: Shading
+    rows: Linearisation
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,44 +194,38 @@ def refine(
     JointIteration
         After each step.
     """
-    options, parts = work.options, work.parts
-    solve_shading = parts.shading or RobustShading(options.noise, options.light_ridge)
-    confidence = options.independence / options.noise**2
+    options = work.options
     for number, level in enumerate(options.levels):
         samples = sample_surface(state, level, options.shadows)
         state = state.at_level(len(samples.uv), level.degree)
-        pictures = []
-        for photo, camera in zip(work.photos, state.cameras, strict=True):
-            check_cancelled()
-            pictures.append(parts.reader(photo, camera, level.blur_mm))
+        pictures = work.pictures(state, level, check_cancelled)
         for turn in range(1, level.iterations + 1):
-            check_cancelled()
-            view = parts.visibility(
-                state.faces,
-                state.cameras,
-                samples.uv,
-                options.grazing,
-            )
-            check_cancelled()
-            view = view * work.photo_weights[:, None]
-            seen = read_photos(pictures, samples, state, view, work.parts.skin or ())
-            check_cancelled()
-            shading = solve_shading(seen, samples, state)
-            before = replace(state, lights=shading.lights, albedo=shading.albedo)
-            check_cancelled()
-            rows = linearise(seen, shading, samples, confidence)
-            check_cancelled()
-            system = assemble(rows, before, work.terms)
+            now = work.look(pictures, samples, state, check_cancelled)
+            system = assemble(now.rows, now.state, work.terms)
             check_cancelled()
             step = system.solve()
             check_cancelled()
-            moved = samples.T[0] @ (step.smooth + state.model.D @ step.modes)
-            size = float(np.abs(moved).max())
-            damping = min(1.0, options.max_step_mm / max(size, 1e-12))
-            state = before.retract(step, damping)
-            size *= damping
+            state, size = take_step(now.state, step, samples, options.max_step_mm)
             yield JointIteration(
-                number, turn, before, state, seen, shading, rows, system, size
+                number,
+                turn,
+                now.state,
+                state,
+                now.readings,
+                now.shading,
+                now.rows,
+                system,
+                size,
             )
             if size < level.settled_mm:
                 break
+
+
+def take_step(
+    state: State, step: Step, samples: Samples, max_step_mm: float
+) -> tuple[State, float]:
+    """The state after a step, shortened if need be; its largest movement, mm."""
+    moved = samples.T[0] @ (step.smooth + state.model.D @ step.modes)
+    size = float(np.abs(moved).max())
+    damping = min(1.0, max_step_mm / max(size, 1e-12))
+    return state.retract(step, damping), damping * size

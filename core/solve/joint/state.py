@@ -175,8 +175,13 @@ class State:
         return replace(self, lights=lights, albedo=np.ones(samples))
 
     def retract(self, step: Step, damping: float = 1.0) -> State:
-        """The state after a step, or after a part of it."""
-        photos, k = damping * step.photos, self.motions
+        """The state after a step, or after a part of it.
+
+        Parameters of the photos that the step leaves out stay as they are.
+        """
+        k = self.motions
+        missing = k + self.lights.shape[1] - step.photos.shape[1]
+        photos = np.pad(damping * step.photos, ((0, 0), (0, missing)))
         cameras = tuple(
             camera.moved(y)
             for camera, y in zip(self.cameras, photos[:, :PARAMETERS], strict=True)

@@ -28,7 +28,7 @@ Readings of the text
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -44,20 +44,15 @@ from ..joint.block_banded import block_cholesky
 from ..joint.gram import gram
 from ..joint.linearise import (
     Linearisation,
-    Picture,
     Readings,
-    RobustShading,
-    Shading,
-    linearise,
-    read_photos,
 )
-from ..joint.method import estimate_at, photometric_evidence, with_skin
+from ..joint.method import begin, estimate_at, photometric_evidence
 from ..joint.options import JointOptions
-from ..joint.refine import JointIteration, JointParts
+from ..joint.refine import Evidence, JointIteration, JointParts, take_step
 from ..joint.samples import Samples, sample_surface
 from ..joint.state import DisplacementModel, State, Step
 from ..joint.system import BorderedSystem, Term, assemble
-from ..joint.terms import LandmarkTerm, default_terms
+from ..joint.terms import LandmarkTerm
 from ..landmark_term import facing_weight, landmark_rows
 from .algorithm1 import singular_reported
 
@@ -129,70 +124,21 @@ class NormalTerm:
         system.add_displacement(sparse.csr_array(precision), right)
 
 
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """The photos at a state.
-
-    Attributes
-    ----------
-    state : State
-        With the lights and the albedo of `shading`.
-    readings : Readings
-    shading : Shading
-    rows : Linearisation
-    """
-
-    state: State
-    readings: Readings
-    shading: Shading
-    rows: Linearisation
-
-
-@dataclass(frozen=True, eq=False)
-class _Work:
-    """What all passes share."""
-
-    problem: Problem
-    estimate: FaceEstimate
-    options: JointOptions
-    terms: list[Term]
-    parts: JointParts
-    check_cancelled: CheckCancelled
-
-    def look(self, pictures: list[Picture], samples: Samples, state: State) -> Evidence:
-        """Light and albedo for the face as it is, and the derivatives."""
-        options = self.options
-        self.check_cancelled()
-        view = self.parts.visibility(
-            state.faces, state.cameras, samples.uv, options.grazing
-        )
-        view = view * self.estimate.photo_weights[:, None]
-        seen = read_photos(pictures, samples, state, view, self.parts.skin or ())
-        self.check_cancelled()
-        solve = self.parts.shading or RobustShading(options.noise, options.light_ridge)
-        shading = solve(seen, samples, state)
-        state = replace(state, lights=shading.lights, albedo=shading.albedo)
-        self.check_cancelled()
-        confidence = options.independence / options.noise**2
-        rows = linearise(seen, shading, samples, confidence)
-        self.check_cancelled()
-        return Evidence(state, seen, shading, rows)
-
-    def landmark_rms(self, state: State) -> float:
-        """Root mean square landmark residual, mm at the head."""
-        term = next(t for t in self.terms if isinstance(t, LandmarkTerm))
-        uv = term.observations.uv
-        X, normals = state.surface.evaluate(*uv.T), state.surface.normals(*uv.T)
-        X = X + term.offset
-        total = squares = 0.0
-        for i, camera in enumerate(state.cameras):
-            weight = term.observations.weight[i] * facing_weight(camera, X, normals)
-            pixels = term.observations.pixels[i]
-            Q = X + term.expressions @ state.expressions[i]
-            rows = landmark_rows(camera, Q, pixels, weight, term.sigma)
-            total += float(rows.weight.sum())
-            squares += float((rows.weight * rows.distance**2).sum())
-        return float(np.sqrt(squares / max(total, 1e-30)))
+def _landmark_rms(state: State, terms: Sequence[Term]) -> float:
+    """Root mean square landmark residual, mm at the head."""
+    term = next(t for t in terms if isinstance(t, LandmarkTerm))
+    uv = term.observations.uv
+    X, normals = state.surface.evaluate(*uv.T), state.surface.normals(*uv.T)
+    X = X + term.offset
+    total = squares = 0.0
+    for i, camera in enumerate(state.cameras):
+        weight = term.observations.weight[i] * facing_weight(camera, X, normals)
+        pixels = term.observations.pixels[i]
+        Q = X + term.expressions @ state.expressions[i]
+        rows = landmark_rows(camera, Q, pixels, weight, term.sigma)
+        total += float(rows.weight.sum())
+        squares += float((rows.weight * rows.distance**2).sum())
+    return float(np.sqrt(squares / max(total, 1e-30)))
 
 
 def imls(
@@ -221,31 +167,24 @@ def imls(
         evidence.
     """
     options = parts.options or schedule(problem.settings)
-    model = DisplacementModel.about(problem, estimate)
-    terms = [*default_terms(problem, estimate, model, options), *parts.terms]
-    parts = with_skin(parts, problem, estimate, model, check_cancelled)
-    work = _Work(problem, estimate, options, terms, parts, check_cancelled)
-    state = State.start(model, estimate.cameras)
+    work, state = begin(problem, estimate, options, parts, check_cancelled)
     done, total = 0, 2 * sum(level.iterations for level in options.levels)
     for number, level in enumerate(options.levels):
         samples = sample_surface(state, level, options.shadows)
         state = state.at_level(len(samples.uv), level.degree)
-        pictures: list[Picture] = []
-        for photo, camera in zip(problem.photos, state.cameras, strict=True):
-            check_cancelled()
-            pictures.append(parts.reader(photo, camera, level.blur_mm))
+        pictures = work.pictures(state, level, check_cancelled)
         for turn in range(1, level.iterations + 1):
-            now = work.look(pictures, samples, state)
+            now = work.look(pictures, samples, state, check_cancelled)
             with singular_reported():
                 state, angle, size = shading_step(now, samples, options.max_step_mm)
             done += 1
             found = estimate_at(state, problem, estimate)
             yield Iteration("shading", found, angle, size, done, total)
-            now = work.look(pictures, samples, state)
+            now = work.look(pictures, samples, state, check_cancelled)
             with singular_reported():
-                system = motion_system(now, samples, terms)
+                system = motion_system(now, samples, work.terms)
                 step = system.solve()
-            state, size = _retract(now.state, step, samples, options.max_step_mm)
+            state, size = take_step(now.state, step, samples, options.max_step_mm)
             done += 1
             found = estimate_at(state, problem, estimate)
             if done == total:
@@ -261,7 +200,7 @@ def imls(
                     step_mm=size,
                 )
                 found = replace(found, photometric=photometric_evidence(last))
-            rms = work.landmark_rms(state)
+            rms = _landmark_rms(state, work.terms)
             yield Iteration("motion", found, rms, size, done, total)
 
 
@@ -322,7 +261,7 @@ def shading_step(
         free = T2 if frozen is T1 else T1
         step = solve(free.T @ field.force[:, fitted], len(state.cameras))
         before = state.displacement
-        state, _ = _retract(state, step, samples, max_step_mm)
+        state, _ = take_step(state, step, samples, max_step_mm)
         moved = state.displacement - before
         reached = np.stack([T1 @ moved, T2 @ moved], 1)
         field = field._replace(slopes=field.slopes - reached)
@@ -332,7 +271,7 @@ def shading_step(
 
 
 def motion_system(
-    evidence: Evidence, samples: Samples, terms: list[Term]
+    evidence: Evidence, samples: Samples, terms: Sequence[Term]
 ) -> BorderedSystem:
     """Eq. 8 with the cameras: 0th order of intensities and landmarks, known normals."""
     rows = evidence.rows
@@ -365,18 +304,6 @@ class ShapeSolver:
         modes = cho_solve(self.schur, self.D.T @ force - self.Y.T @ y)
         smooth = self.factor.other_half((y - self.Y @ modes)[:, None])[:, 0]
         return Step(smooth, modes, np.zeros((photos, 0)))
-
-
-def _retract(
-    state: State, step: Step, samples: Samples, max_step_mm: float
-) -> tuple[State, float]:
-    """The state after a step of shape and cameras, and its largest movement, mm."""
-    moved = samples.T[0] @ (step.smooth + state.model.D @ step.modes)
-    size = float(np.abs(moved).max())
-    damping = min(1.0, max_step_mm / max(size, 1e-12))
-    missing = state.motions + state.lights.shape[1] - step.photos.shape[1]
-    photos = np.pad(step.photos, ((0, 0), (0, missing)))
-    return state.retract(step._replace(photos=photos), damping), damping * size
 
 
 def _weighted(
