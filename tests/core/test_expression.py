@@ -1,7 +1,5 @@
 """Which expression the result has; analytic estimates, no photos."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bsface.camera.camera import Camera
@@ -14,7 +12,7 @@ from bsface.solve.expression import (
     select_neutral,
 )
 from bsface.surface.prior import shape_prior
-from bsface.surface.template import load_template
+from few_modes import few_modes
 from scipy.spatial.transform import Rotation
 
 COUNT, MODES = 12, 3
@@ -22,13 +20,7 @@ COUNT, MODES = 12, 3
 
 @pytest.fixture(scope="module")
 def template():
-    base = load_template()
-    few = replace(
-        base,
-        identity_modes=base.identity_modes[:2],
-        expression_modes=base.expression_modes[:MODES],
-    )
-    return few.resampled((14, 16))
+    return few_modes((14, 16), identity=2, expression=MODES)
 
 
 def given(template, expressions, yaw=0.0, scale=0.7):

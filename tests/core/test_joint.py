@@ -29,6 +29,7 @@ from bsface.solve.joint.terms import LandmarkTerm, default_terms
 from bsface.surface.bspline import BSplineSurface, basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
+from few_modes import few_modes
 from scipy.spatial.transform import Rotation
 
 SHAPE = (8, 9)
@@ -58,13 +59,7 @@ def wave(seed):
 
 @pytest.fixture(scope="module")
 def template():
-    base = load_template()
-    few = replace(
-        base,
-        identity_modes=base.identity_modes[:3],
-        expression_modes=base.expression_modes[:1],
-    )
-    return few.resampled(SHAPE)
+    return few_modes(SHAPE, identity=3, expression=1)
 
 
 @pytest.fixture(scope="module")

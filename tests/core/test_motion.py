@@ -16,6 +16,7 @@ from bsface.surface.alignment import fit_similarity
 from bsface.surface.bspline import basis_matrix
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
+from few_modes import few_modes
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -25,13 +26,7 @@ RIGID = MotionOptions(expression=0.0, noise_mm=0.05, offset_mm=0.3, iterations=4
 
 @pytest.fixture(scope="module")
 def template():
-    base = load_template()
-    few = replace(
-        base,
-        identity_modes=base.identity_modes[:20],
-        expression_modes=base.expression_modes[:4],
-    )
-    return few.resampled(SHAPE)
+    return few_modes(SHAPE, identity=20, expression=4)
 
 
 @pytest.fixture(scope="module")

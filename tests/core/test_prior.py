@@ -7,7 +7,7 @@ import pytest
 from bsface.surface.bending import bending_matrix
 from bsface.surface.bspline import basis_matrix
 from bsface.surface.prior import shape_prior
-from bsface.surface.template import load_template
+from few_modes import few_modes
 from scipy import sparse
 
 SHAPE = (8, 9)
@@ -16,13 +16,7 @@ COUNT = SHAPE[0] * SHAPE[1]
 
 @pytest.fixture(scope="module")
 def template():
-    base = load_template()
-    few = replace(
-        base,
-        identity_modes=base.identity_modes[:3],
-        expression_modes=base.expression_modes[:2],
-    )
-    return few.resampled(SHAPE)
+    return few_modes(SHAPE, identity=3, expression=2)
 
 
 @pytest.fixture(scope="module")
