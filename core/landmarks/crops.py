@@ -74,7 +74,7 @@ def sample(levels: list[np.ndarray], crop: Crop, size: int) -> np.ndarray:
     low = np.clip(np.floor(xy.min((0, 1))).astype(int) - 1, 0, (w - 1, h - 1))
     high = np.clip(np.ceil(xy.max((0, 1))).astype(int) + 2, low + 1, (w, h))
     part = levels[level][low[1] : high[1], low[0] : high[0]].astype(np.float32)
-    found = read_between(part, xy - low, cv2.BORDER_CONSTANT)
+    found = read_between(part, xy - low)
     return np.rint(found).astype(np.uint8)
 
 

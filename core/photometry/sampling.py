@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .._types import Array
 from ..camera.camera import Camera
 from ..images.photo import Photo
-from ..images.remap import read_between
+from ..images.remap import interpolate
 from ..surface.bspline import BSplineSurface
 
 #: A point is hidden when another part of the surface is this much nearer, mm.
@@ -60,16 +60,11 @@ class IntensityField:
         inside : (p,) bool array
         """
         x0, y0, scale = self.window
-        at = ((xy - (x0, y0) + 0.5) * scale - 0.5).astype(np.float32)
+        at = (xy - (x0, y0) + 0.5) * scale - 0.5
         h, w, c = self.maps.shape
         inside = ((at > 0.5) & (at < (w - 1.5, h - 1.5))).all(1)
-        value = read_between(self.maps, at)
-        slope = read_between(self.slopes, at).reshape(-1, 2, c)
-        return (
-            value.astype(float),
-            scale * slope.transpose(0, 2, 1).astype(float),
-            inside,
-        )
+        slope = interpolate(self.slopes, at).reshape(-1, 2, c)
+        return interpolate(self.maps, at), scale * slope.transpose(0, 2, 1), inside
 
 
 def smooth_photo(

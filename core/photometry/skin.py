@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from .._types import Array, Array32, Mask, Picture8
 from ..camera.camera import Camera
 from ..images.photo import Photo, cut
-from ..images.remap import read_between
+from ..images.remap import interpolate
 from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface
 from ..surface.template import Template
@@ -78,7 +78,7 @@ class SkinMask:
         """The mask at pixels (p, 2) of the original, ``(p,)``; as at its rim beyond."""
         x0, y0, scale = self.window
         at = (np.asarray(xy, float) - (x0, y0) + 0.5) * scale - 0.5
-        return np.asarray(read_between(self.values, at), float)
+        return interpolate(self.values, at)
 
     def on(self, photo: Photo) -> Array32:
         """The mask in the pixels of a cut-out, ``(h, w)``."""

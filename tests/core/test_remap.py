@@ -1,9 +1,8 @@
 """Reading between pixels: against the formula, at borders, in any shape."""
 
-import cv2
 import numpy as np
 import pytest
-from bsface.images.remap import read_between
+from bsface.images.remap import interpolate, read_between
 
 RNG = np.random.default_rng(4)
 
@@ -36,10 +35,33 @@ def test_other_places_are_rounded_to_the_nearest_step():
     np.testing.assert_array_equal(found, np.rint(32 * x) / 32)
 
 
+@pytest.mark.parametrize("channels", [(), (1,), (5,)])
+def test_interpolation_is_that_of_the_formula_at_any_place(channels):
+    picture = RNG.random((20, 30, *channels)).astype(np.float32)
+    xy = RNG.uniform(0, 19, (4, 100, 2))
+    found = interpolate(picture, xy)
+    assert found.shape == (4, 100, *channels)
+    for place, value in zip(xy.reshape(-1, 2), found.reshape(400, -1), strict=True):
+        np.testing.assert_allclose(
+            value, np.ravel(bilinear(picture.astype(float), *place)), 1e-12
+        )
+
+
+def test_interpolation_has_no_steps():
+    """A place that moves by 1e-9 pixels changes the value by as little."""
+    picture = RNG.random((20, 30)).astype(np.float32)
+    xy = RNG.uniform(1, 18, (5000, 2))
+    change = interpolate(picture, xy + 1e-9) - interpolate(picture, xy)
+    assert np.abs(change).max() < 1e-8
+
+
+OUTSIDE = np.array([[-3.0, 2.0], [20.0, 2.0], [3.0, -4.0], [3.0, 60.0]])
+
+
 def test_outside_the_picture():
     picture = np.full((6, 8), 5.0, np.float32)
-    outside = np.array([[-3.0, 2.0], [20.0, 2.0], [3.0, -4.0], [3.0, 60.0]])
-    assert (read_between(picture, outside) == 5).all()
-    assert (read_between(picture, outside, cv2.BORDER_CONSTANT) == 0).all()
-    assert read_between(picture, np.array([[-0.5, 2.0]]), cv2.BORDER_CONSTANT) == 2.5
-    assert read_between(picture, np.zeros((0, 2))).shape == (0,)
+    assert (interpolate(picture, OUTSIDE) == 5).all()
+    assert (read_between(picture, OUTSIDE) == 0).all()
+    assert read_between(picture, np.array([[-0.5, 2.0]])) == 2.5
+    for read in (interpolate, read_between):
+        assert read(picture, np.zeros((0, 2))).shape == (0,)
