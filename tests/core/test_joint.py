@@ -21,7 +21,13 @@ from bsface.solve.joint.linearise import Linearisation
 from bsface.solve.joint.marginal import displacement_deviation
 from bsface.solve.joint.method import joint
 from bsface.solve.joint.options import JointOptions, Level
-from bsface.solve.joint.refine import JointParts, Refinement, refine
+from bsface.solve.joint.refine import (
+    OVER_RELAXATION,
+    JointParts,
+    Refinement,
+    refine,
+    relaxation,
+)
 from bsface.solve.joint.samples import Samples, sample_grid
 from bsface.solve.joint.state import DisplacementModel, State
 from bsface.solve.joint.system import BorderedSystem, assemble
@@ -783,3 +789,11 @@ def test_samples_are_skin(template):
     mirrored = {tuple(np.round(x, 6)) for x in uv * (-1, 1) + (1, 0)}
     same = sum(tuple(np.round(x, 6)) in mirrored for x in uv)
     assert same > 0.95 * len(uv)
+
+
+def test_steps_in_one_direction_get_longer():
+    ahead, aside = np.array([1.0, 0.0]), np.array([0.0, 2.0])
+    assert relaxation(ahead, None) == 1.0
+    assert relaxation(ahead, 3 * ahead) == pytest.approx(1.0 + OVER_RELAXATION)
+    assert relaxation(ahead, aside) == relaxation(ahead, -ahead) == 1.0
+    assert relaxation(0 * ahead, ahead) == 1.0

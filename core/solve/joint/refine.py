@@ -36,6 +36,9 @@ from .samples import Samples, sample_surface
 from .state import State, Step
 from .system import BorderedSystem, Term, assemble
 
+#: Largest part by which a step is made longer than Gauss and Newton have it.
+OVER_RELAXATION = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class JointParts:
@@ -199,13 +202,18 @@ def refine(
         samples = sample_surface(state, level, options.shadows)
         state = state.at_level(len(samples.uv), level.degree)
         pictures = work.pictures(state, level, check_cancelled)
+        last: Array | None = None
         for turn in range(1, level.iterations + 1):
             now = work.look(pictures, samples, state, check_cancelled)
             system = assemble(now.rows, now.state, work.terms)
             check_cancelled()
             step = system.solve()
             check_cancelled()
-            state, size = take_step(now.state, step, samples, options.max_step_mm)
+            moved = movement(now.state, step, samples)
+            stretch, last = relaxation(moved, last), moved
+            state, size = take_step(
+                now.state, step, samples, options.max_step_mm, stretch
+            )
             yield JointIteration(
                 number,
                 turn,
@@ -222,10 +230,30 @@ def refine(
 
 
 def take_step(
-    state: State, step: Step, samples: Samples, max_step_mm: float
+    state: State,
+    step: Step,
+    samples: Samples,
+    max_step_mm: float,
+    stretch: float = 1.0,
 ) -> tuple[State, float]:
     """The state after a step, shortened if need be; its largest movement, mm."""
-    moved = samples.T[0] @ (step.smooth + state.model.D @ step.modes)
-    size = float(np.abs(moved).max())
-    damping = min(1.0, max_step_mm / max(size, 1e-12))
+    size = float(np.abs(movement(state, step, samples)).max())
+    damping = min(stretch, max_step_mm / max(size, 1e-12))
     return state.retract(step, damping), damping * size
+
+
+def movement(state: State, step: Step, samples: Samples) -> Array:
+    """How far a step moves the samples along their directions, mm, ``(p,)``."""
+    return samples.T[0] @ (step.smooth + state.model.D @ step.modes)
+
+
+def relaxation(moved: Array, last: Array | None) -> float:
+    """Factor on a step: longer the more it goes the way of the one before.
+
+    Robust weights, shadows and visibility are those of the face before the step, so
+    that steps in one direction follow each other, each a little shorter.
+    """
+    if last is None:
+        return 1.0
+    lengths = float(np.linalg.norm(moved) * np.linalg.norm(last))
+    return 1.0 + OVER_RELAXATION * max(float(moved @ last) / max(lengths, 1e-30), 0.0)
