@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ._types import Array32
 from .errors import FailureCode, PhotoFailure, ReconstructionError
 from .identity.identify import identify
 from .images.folder import is_video, nothing_found, scan_folder
@@ -57,6 +58,9 @@ class Inputs:
         Whether a folder's sub-folders are read too.
     models : ModelFiles or None
         Files of the face networks.
+    masks : mapping of photo name to (h, w) float32 array
+        What is skin of the face: 1 is, 0 is not, 0.5 stays as it is measured. Win over
+        mask files.
     """
 
     template: TemplateLike | None = None
@@ -65,6 +69,7 @@ class Inputs:
     constraint: Constraint | None = None
     recursive: bool = False
     models: ModelFiles | None = None
+    masks: Mapping[str, Array32] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if isinstance(self.ignore, str):
@@ -196,7 +201,9 @@ def collect_photos(
     template = as_template(inputs.template, settings)
     sources, hints = _sources(photos, inputs.recursive)
     _check_names(inputs.ignore, [name for name, _ in sources])
-    reader = CandidateReader(template, settings, inputs.landmarks, inputs.models)
+    reader = CandidateReader(
+        template, settings, inputs.landmarks, inputs.models, inputs.masks
+    )
     total = len(sources)
     outcome: list[tuple[Candidate, ...] | PhotoFailure] = []
     for done, (name, source) in enumerate(sources):

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ._types import Array32
 from .errors import memory_reported
 from .finish import finish
 from .landmarks.landmarks import Landmarks
@@ -56,6 +57,7 @@ def reconstruct(
     progress: Progress | None = None,
     ignore: Sequence[str] = (),
     landmarks: Mapping[str, Landmarks] | None = None,
+    masks: Mapping[str, Array32] | None = None,
     constraint: Constraint | None = None,
     recursive: bool = False,
     **changes: Any,
@@ -75,6 +77,9 @@ def reconstruct(
         Names of photos that are not to be used.
     landmarks : mapping of photo name to Landmarks, optional
         Win over files and over the detector.
+    masks : mapping of photo name to (h, w) float32 array, optional
+        What is skin of the face, over the whole upright photo in any size: 1 is, 0 is
+        not, 0.5 stays as it is measured. Win over mask files.
     constraint : Constraint, optional
         Control points of the template that stay where it has them.
     recursive : bool
@@ -96,7 +101,14 @@ def reconstruct(
         An argument is of the wrong kind, or a setting is not possible.
     """
     chosen = Settings.of(settings, changes)
-    inputs = Inputs(template, landmarks or {}, ignore, constraint, recursive)
+    inputs = Inputs(
+        template=template,
+        landmarks=landmarks or {},
+        ignore=ignore,
+        constraint=constraint,
+        recursive=recursive,
+        masks=masks or {},
+    )
     clock = Clock(progress)
     with one_blas_thread(), memory_reported():
         problem = prepare(photos, chosen, inputs, clock.nested("landmarks"))

@@ -21,8 +21,7 @@ from typing import Any
 from ..errors import ReconstructionError
 from ..files import write_text
 from ..images.folder import list_sources
-from ..images.mask_file import mask_file_beside
-from ..landmarks.landmarks import landmark_file_beside
+from ..landmarks.candidates import files_beside
 from ..report.facts import SCHEMA, versions
 
 RECORD = "done.json"
@@ -71,9 +70,8 @@ def fingerprint(folder: Path, settings: dict[str, Any], wanted: Sequence[str]) -
     # Another version may give another face.
     total.update(json.dumps([settings, list(wanted), versions()]).encode())
     for photo in list_sources(folder):
-        for path in (photo, landmark_file_beside(photo), mask_file_beside(photo)):
-            if path is not None:
-                total.update(f"{path.name}\0{hash_of(path)}".encode())
+        for path in (photo, *files_beside(photo)):
+            total.update(f"{path.name}\0{hash_of(path)}".encode())
     return total.hexdigest()
 
 

@@ -6,6 +6,7 @@ is skin of the face, black is not, and what is half grey stays as it is measured
 
 from __future__ import annotations
 
+import contextlib
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 
 from .._types import Array32
 from ..errors import PhotoFailure
+from ..files import write_bytes
 from .photo import Photo
 from .read import read_photo
 
@@ -39,19 +41,35 @@ def masked(name: str) -> str:
 
 
 def mask_file_beside(photo: str | os.PathLike) -> Path | None:
-    """The mask file of a photo, or None."""
+    """The mask file of a photo, or None; its ending may be in capitals."""
     path = Path(photo).with_suffix(ENDING)
-    return path if path.is_file() else None
+    if path.is_file():
+        return path
+    with contextlib.suppress(OSError), os.scandir(path.parent) as entries:
+        for entry in entries:
+            named = is_mask(entry.name) and masked(entry.name) == Path(photo).stem
+            if named and entry.is_file():
+                return path.with_name(entry.name)
+    return None
 
 
-def with_mask(photo: Photo) -> Photo | PhotoFailure:
-    """The photo with the mask that lies beside it, or itself if there is none.
+def with_mask(photo: Photo, given: Array32 | None = None) -> Photo | PhotoFailure:
+    """The photo with its mask, or itself if there is none.
+
+    Parameters
+    ----------
+    photo : Photo
+    given : (h, w) float32 array, optional
+        The mask, see `read_mask`; by default that of the file beside the photo.
 
     Returns
     -------
     Photo or PhotoFailure
         A failure, ``"unreadable"``, if the mask is no picture of the photo's shape.
     """
+    if given is not None:
+        failure = _of_same_shape(given, photo, "its mask")
+        return replace(photo, mask=given) if failure is None else failure
     path = None if photo.path is None else mask_file_beside(photo.path)
     if path is None:
         return photo
@@ -66,15 +84,10 @@ def read_mask(path: Path, photo: Photo) -> Array32 | PhotoFailure:
     found = read_photo(path)
     if isinstance(found, PhotoFailure):
         return replace(found, name=photo.name)
-    (w, h), (width, height) = found.size, photo.size
-    if abs(np.log(w * height / (h * width))) > TOLERANCE:
-        return PhotoFailure(
-            photo.name,
-            "unreadable",
-            f"{path.name} has {w} x {h} pixels and {photo.name} {width} x {height}; "
-            "save the mask in the shape of the photo as it is shown.",
-        )
     grey = found.bytes8().astype(np.float32).mean(axis=2) / 255
+    failure = _of_same_shape(grey, photo, path.name)
+    if failure is not None:
+        return failure
     factor = MAX_SIDE / max(grey.shape)
     if factor < 1:
         small = cv2.resize(
@@ -82,3 +95,21 @@ def read_mask(path: Path, photo: Photo) -> Array32 | PhotoFailure:
         )
         grey = np.asarray(small, np.float32)
     return np.where(np.abs(grey - 0.5) < SILENT, np.float32(0.5), grey)
+
+
+def write_mask(path: str | os.PathLike, mask: Array32) -> Path:
+    """Write a mask as `read_mask` reads it; 0.5 becomes the grey that says nothing."""
+    grey = np.round(np.clip(mask, 0, 1) * 255).astype(np.uint8)
+    return write_bytes(path, cv2.imencode(".png", grey)[1].tobytes())
+
+
+def _of_same_shape(mask: Array32, photo: Photo, name: str) -> PhotoFailure | None:
+    (h, w), (width, height) = mask.shape, photo.size
+    if abs(np.log(w * height / (h * width))) <= TOLERANCE:
+        return None
+    return PhotoFailure(
+        photo.name,
+        "unreadable",
+        f"{name} has {w} x {h} pixels and {photo.name} {width} x {height}; "
+        "save the mask in the shape of the photo as it is shown.",
+    )

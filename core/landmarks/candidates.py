@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .._types import Array
+from .._types import Array, Array32
 from ..camera.linear_pose import linear_pose
 from ..errors import PhotoFailure
-from ..images.mask_file import with_mask
+from ..images.mask_file import mask_file_beside, with_mask
 from ..images.photo import Photo, cut
 from ..images.read import read_photo
 from ..progress import CheckCancelled
@@ -59,6 +59,8 @@ class CandidateReader:
         Win over files and over the detector.
     models : ModelFiles, optional
         Files of the networks; by default those that are found.
+    masks : mapping of photo name to (h, w) float32 array, optional
+        Win over mask files; see `mask_file.read_mask`.
 
     Attributes
     ----------
@@ -72,12 +74,14 @@ class CandidateReader:
         settings: Settings,
         given: Mapping[str, Landmarks],
         models: ModelFiles | None = None,
+        masks: Mapping[str, Array32] | None = None,
     ) -> None:
         self.template = template
         self.scheme = settings.landmarks
         self.detect = settings.detector
         self.given = given
         self.models = models
+        self.masks = masks or {}
         self.mesh: FaceMesh | None = None
         self.names: dict[str, str] = {}  # digest of the pixels -> first photo
         self.hashes: dict[str, str] = {}
@@ -101,7 +105,7 @@ class CandidateReader:
             )
         self.names[digest] = name
         self.hashes[name] = _file_hash(photo.path) or digest
-        photo = with_mask(photo)
+        photo = with_mask(photo, self.masks.get(name))
         if isinstance(photo, PhotoFailure):
             return photo
         try:
@@ -210,6 +214,12 @@ class CandidateReader:
         if failure is None:
             failure = judge_quality(part, landmarks, fit)
         return Candidate(part, landmarks, fit, failure, found)
+
+
+def files_beside(photo: str | os.PathLike) -> tuple[Path, ...]:
+    """Landmark file and mask file of a photo, as far as they are there."""
+    found = (landmark_file_beside(photo), mask_file_beside(photo))
+    return tuple(path for path in found if path is not None)
 
 
 def _digest(pixels: np.ndarray) -> str:

@@ -69,10 +69,13 @@ class SkinMask:
         1 = skin, 0 = something else.
     window : (x0, y0, scale)
         As in `Photo.window`: which part of the original the mask covers.
+    measured : (h, w) float32 array or None
+        The values before the photo's own mask corrected them; None without one.
     """
 
     values: Array32
     window: tuple[float, float, float]
+    measured: Array32 | None = None
 
     def read(self, xy: Array) -> Array:
         """The mask at pixels (p, 2) of the original, ``(p,)``; as at its rim beyond."""
@@ -142,22 +145,24 @@ def skin_masks(
     masks = []
     for i, (photo, camera) in enumerate(zip(photos, cameras, strict=True)):
         check_cancelled()
-        masks.append(_corrected(_mask(photo, camera, colours, i), photo))
+        mask = _mask(photo, camera, colours, i)
+        masks.append(mask if photo.mask is None else corrected(mask, photo))
     return tuple(masks)
 
 
-def _corrected(mask: SkinMask, photo: Photo) -> SkinMask:
-    """The mask as the photo's mask file has it; half grey leaves it as it is."""
-    if photo.mask is None:
-        return mask
-    given = SkinMask(photo.mask, (0.0, 0.0, photo.mask.shape[1] / photo.size[0]))
+def corrected(mask: SkinMask, photo: Photo) -> SkinMask:
+    """A measured mask as the photo's own mask has it; half grey leaves it as it is."""
+    own = photo.mask
+    assert own is not None
+    given = SkinMask(own, (0.0, 0.0, own.shape[1] / photo.size[0]))
     if mask.values.size == 1:
         # nothing was measured: there is no grid yet to correct it on
         mask = replace(given, values=np.ones_like(given.values))
     at = _original_pixels(mask.values.shape, mask.window)
     say = 2 * given.read(at).reshape(mask.values.shape).astype(np.float32) - 1
     values = np.where(say > 0, mask.values + say * (1 - mask.values), mask.values)
-    return replace(mask, values=values * (1 + np.minimum(say, 0)))
+    values *= 1 + np.minimum(say, 0)
+    return replace(mask, values=values, measured=mask.values)
 
 
 def overlay(photo: Photo, mask: SkinMask) -> Picture8:

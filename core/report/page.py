@@ -44,9 +44,11 @@ padding:10px 16px;min-width:132px}
 .facts b{display:block;font-size:22px;line-height:1.25}.facts span{color:var(--soft)}
 .grid{display:grid;gap:14px;grid-template-columns:repeat(auto-fill,minmax(330px,1fr))}
 .photos{display:grid;gap:12px;grid-template-columns:repeat(auto-fill,minmax(196px,1fr))}
-.photos .card{padding:8px;overflow:hidden}
+.photos .card{padding:8px;overflow:hidden;position:relative}
 .photos img{width:100%;aspect-ratio:1;object-fit:cover;border-radius:6px;display:block;
 background:var(--line)}
+.photos img+img{position:absolute;top:12px;right:12px;width:34%;
+border:1px solid var(--card)}
 .photos .none{aspect-ratio:1;border-radius:6px;display:grid;place-items:center;
 background:var(--line);color:var(--soft);text-align:center;padding:14px}
 .photos strong{display:block;margin-top:6px;overflow:hidden;text-overflow:ellipsis;
@@ -97,6 +99,7 @@ def page(
     pictures: Mapping[str, npt.NDArray[np.uint8]],
     drawn: Mapping[str, str],
     photos: Mapping[str, bytes],
+    skin: Mapping[str, bytes],
 ) -> str:
     """The whole page.
 
@@ -106,7 +109,8 @@ def page(
         See `facts.result_facts`.
     pictures : mapping of (h, w, 3) uint8 arrays
     drawn : mapping of SVG texts
-    photos : mapping of photo name to JPEG bytes
+    photos, skin : mapping of photo name to JPEG bytes
+        With landmarks; tinted where it is not skin.
     """
     body = [
         _head(facts),
@@ -114,7 +118,7 @@ def page(
         _next(facts),
         _coverage(drawn, facts),
         _trust(pictures),
-        _photos(facts, photos),
+        _photos(facts, photos, skin),
         _convergence(drawn),
         _maps(pictures),
         _texture(pictures),
@@ -254,22 +258,28 @@ def _trust(pictures: Mapping[str, npt.NDArray[np.uint8]]) -> str:
     return f'<h2>How far to trust it</h2><div class="grid">{cards}</div>'
 
 
-def _photos(facts: Mapping[str, Any], photos: Mapping[str, bytes]) -> str:
+def _photos(
+    facts: Mapping[str, Any], photos: Mapping[str, bytes], skin: Mapping[str, bytes]
+) -> str:
     if not facts["report"]:
         return ""
     # What went wrong first: that is what one looks for.
     entries = sorted(facts["report"], key=lambda e: e["status"] == "used")
-    cards = "".join(_photo(entry, photos.get(entry["name"])) for entry in entries)
+    cards = "".join(
+        _photo(entry, photos.get(entry["name"]), skin.get(entry["name"]))
+        for entry in entries
+    )
+    inset = ". The small picture is tinted where it is not skin of the face"
     return (
         "<h2>Photos</h2>"
         '<p class="soft key"><i style="background:#40e078;margin-left:0"></i>landmarks '
         'as detected<i style="background:#ff46a0"></i>the same points of the finished '
-        "face, seen by the photo’s camera</p>"
+        f"face, seen by the photo’s camera{inset if skin else ''}</p>"
         f'<div class="photos">{cards}</div>'
     )
 
 
-def _photo(entry: Mapping[str, Any], jpeg: bytes | None) -> str:
+def _photo(entry: Mapping[str, Any], jpeg: bytes | None, skin: bytes | None) -> str:
     name = str(entry["name"])
     used = entry["status"] == "used"
     word = _STATUS.get(str(entry["status"]), str(entry["status"]))
@@ -278,6 +288,8 @@ def _photo(entry: Mapping[str, Any], jpeg: bytes | None) -> str:
         if jpeg
         else f'<div class="none">{escape(word)}</div>'
     )
+    if skin:
+        picture += _embedded(skin, "jpeg", f"{name}, skin")
     lines = []
     if used and entry["yaw"] is not None:
         lines.append(

@@ -9,12 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from ..drawing.pictures import encode_jpeg
+from ..images.photo import Photo, cut
+from ..photometry.skin import SkinMask, overlay
 from ..result import Reconstruction
 from ..surface.template import Template
 
 Picture = npt.NDArray[np.uint8]
 
 SIDE = 300
+SKIN_SIDE = 160
 _DETECTED = (64, 224, 120)
 _PROJECTED = (255, 70, 160)
 _LINES_OF_68 = (
@@ -112,6 +115,17 @@ def thumbnails(reconstruction: Reconstruction) -> dict[str, bytes]:
         photo.name: encode_jpeg(thumbnail(reconstruction, index), 82)
         for index, photo in enumerate(reconstruction.photos)
     }
+
+
+def skin_pictures(
+    photos: Sequence[Photo], masks: Sequence[SkinMask], side: int = SKIN_SIDE
+) -> dict[str, bytes]:
+    """JPEG bytes of all used photos by name, tinted where they are not skin."""
+    found = {}
+    for photo, mask in zip(photos, masks, strict=True):
+        small = cut(photo, (0, 0, *photo.size), side)
+        found[photo.name] = encode_jpeg(overlay(small, mask), 80)
+    return found
 
 
 def contact_sheet(

@@ -27,7 +27,7 @@ from ..texture.bake import Texture, bake_texture
 from ..threads import one_blas_thread
 from .facts import folder_name, result_facts
 from .page import page
-from .photos import thumbnails
+from .photos import skin_pictures, thumbnails
 from .sheet import summary_sheet
 
 #: Endings of what is written beside the page.
@@ -102,7 +102,10 @@ def write_report(
         write_bytes(path.with_suffix(".png"), encode_png(sheet))
     drawn = report_plots(reconstruction)
     tell(0.9)
-    text = page(facts, pictures, drawn, thumbnails(reconstruction))
+    skin = {}
+    if texture is not None:
+        skin = skin_pictures(reconstruction.photos, texture.skin)
+    text = page(facts, pictures, drawn, thumbnails(reconstruction), skin)
     tell(0.95)
     written = write_text(path, text)
     tell(1.0)

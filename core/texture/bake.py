@@ -30,10 +30,10 @@ from ..camera.camera import Camera
 from ..drawing.pictures import write_png
 from ..errors import ReconstructionError
 from ..images.colour import to_picture
-from ..photometry.skin import skin_masks
+from ..images.photo import Photo
+from ..photometry.skin import SkinMask, skin_masks
 from ..progress import CheckCancelled
 from ..result import Reconstruction
-from ..surface.bspline import BSplineSurface
 from .blend import (
     COARSE,
     choose_where_disagreeing,
@@ -81,6 +81,8 @@ class Texture:
         How many photos count at each place.
     lights : PhotoLights
         Of the used photos, in their order.
+    skin : tuple of SkinMask
+        What of each used photo is skin.
     """
 
     albedo: Picture
@@ -89,6 +91,7 @@ class Texture:
     residual: Picture
     photos_seen: Picture
     lights: PhotoLights
+    skin: tuple[SkinMask, ...]
 
     @property
     def size(self) -> int:
@@ -138,7 +141,14 @@ def bake_texture(
     coarse = np.stack([_coarse_sample(s, v) for s, v in pairs])
     weight = np.stack([view.weight for view in views])
     weight *= _well_exposed(coarse)
-    weight *= _skin(reconstruction, faces, views, lambda: tell(0.17))
+    skin = skin_masks(
+        photos,
+        faces[0] if all(face is faces[0] for face in faces) else faces,
+        cameras,
+        reconstruction.template,
+        lambda: tell(0.17),
+    )
+    weight *= _skin_seen(skin, photos, views)
     tell(0.17)
     basis, front = light_maps(reconstruction.surface, COARSE)
     lights = _lights(basis, front, coarse, weight, lambda: tell(0.19))
@@ -206,6 +216,7 @@ def bake_texture(
         residual=np.where(measured, residual, np.nan).astype(np.float32),
         photos_seen=counts.astype(np.float32),
         lights=lights,
+        skin=skin,
     )
 
 
@@ -247,22 +258,10 @@ def _coarse_sample(source: Picture, view: View) -> Picture:
     return sample(source, view.xy)
 
 
-def _skin(
-    reconstruction: Reconstruction,
-    faces: list[BSplineSurface],
-    views: list[View],
-    check_cancelled: CheckCancelled,
+def _skin_seen(
+    masks: Sequence[SkinMask], photos: Sequence[Photo], views: Sequence[View]
 ) -> Picture:
     """How far each texel shows skin in each photo, ``(n, S, S)``."""
-    photos, cameras = reconstruction.photos, reconstruction.cameras
-    shared = all(face is faces[0] for face in faces)
-    masks = skin_masks(
-        photos,
-        faces[0] if shared else faces,
-        cameras,
-        reconstruction.template,
-        check_cancelled,
-    )
     found = np.empty((len(views), COARSE, COARSE), np.float32)
     for i, (mask, photo, view) in enumerate(zip(masks, photos, views, strict=True)):
         xy = photo.to_original(view.xy.reshape(-1, 2).astype(float))

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from bsface.errors import PhotoFailure
 from bsface.images.folder import scan_folder
-from bsface.images.mask_file import mask_file_beside, with_mask
+from bsface.images.mask_file import mask_file_beside, with_mask, write_mask
 from bsface.images.photo import cut
 from bsface.images.read import read_photo
+from bsface.landmarks.candidates import files_beside
 from bsface.photometry.skin import skin_masks
-from bsface.prepare import collect_photos
+from bsface.prepare import Inputs, collect_photos
 from bsface.settings import Settings
 from bsface.surface.template import load_template
 from fake_face import person_folder
@@ -44,6 +45,24 @@ def test_a_mask_is_found_by_its_name_and_is_no_photo(photo):
     assert scan.photos == (photo,) and not scan.passed_over and not scan.others
 
 
+@pytest.mark.parametrize("ending", [".MASK.PNG", ".Mask.png"])
+def test_a_mask_whose_ending_is_in_capitals_is_found(photo, ending):
+    path = paint(photo, np.zeros((40, 60)))
+    path = path.rename(photo.with_name(f"me 1{ending}"))
+    assert mask_file_beside(photo).name.lower() == "me 1.mask.png"
+    assert (with_mask(read_photo(photo)).mask == 0).all()
+    # A photo of another name, if only by its case, has none.
+    assert mask_file_beside(photo.with_name("Me 2.jpg")) is None
+    assert not scan_folder(photo.parent).passed_over
+
+
+def test_landmarks_and_mask_lie_beside_a_photo(photo):
+    assert files_beside(photo) == ()
+    mask, points = paint(photo, np.zeros((40, 60))), photo.with_suffix(".pts")
+    points.write_text("")
+    assert files_beside(photo) == (points, mask)
+
+
 def test_a_mask_without_a_photo_is_named(photo):
     paint(photo.with_name("you.jpg"), np.zeros((40, 60)))
     (passed_over,) = scan_folder(photo.parent).passed_over
@@ -57,6 +76,28 @@ def test_grey_levels_of_a_mask(photo):
     paint(photo, values)
     mask = with_mask(read_photo(photo)).mask
     np.testing.assert_array_equal(mask[0, ::20], [0.0, 0.5, 1.0])
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=10, deadline=None)
+def test_a_written_mask_is_read_again(tmp_path_factory, seed):
+    path = tmp_path_factory.mktemp("masks") / "a.png"
+    cv2.imwrite(str(path), np.full((60, 40, 3), 90, np.uint8))
+    mask = np.random.default_rng(seed).choice(
+        np.float32([0, 0.2, 0.5, 0.9, 1]), (48, 32)
+    )
+    write_mask(path.with_name("a.mask.png"), mask)
+    read = with_mask(read_photo(path)).mask
+    np.testing.assert_allclose(read, mask, atol=0.5 / 255 + 1e-6)
+    assert (read[mask == 0.5] == 0.5).all()
+
+
+def test_a_mask_that_is_given_wins_over_the_file(photo):
+    paint(photo, np.zeros((40, 60)))
+    found = with_mask(read_photo(photo), np.ones((20, 30), np.float32))
+    assert (found.mask == 1).all()
+    wrong = with_mask(read_photo(photo), np.ones((20, 20), np.float32))
+    assert wrong.code == "unreadable" and "20 x 20" in wrong.reason
 
 
 def test_a_photo_without_a_mask_stays_as_it_is(photo):
@@ -95,6 +136,17 @@ def test_one_bad_mask_leaves_the_other_photos(tmp_path):
     assert len(found.photos) == 2
 
 
+def test_masks_that_are_given_reach_their_photos(tmp_path):
+    person_folder(tmp_path, count=2, side=160)
+    first, second = scan_folder(tmp_path).photos
+    mask = np.full((20, 20), 0.25, np.float32)
+    inputs = Inputs(masks={first.name: mask})
+    found = collect_photos(
+        tmp_path, Settings(detector=False, one_person=False), inputs
+    ).photos
+    assert found[0].mask is mask and found[1].mask is None
+
+
 # --- what they change ----------------------------------------------------------------
 
 
@@ -118,6 +170,12 @@ def test_black_is_not_skin_and_white_is_whatever_was_measured():
     np.testing.assert_allclose(black[0], 0, atol=1e-6)
     np.testing.assert_allclose(white[0], 1, atol=1e-6)
     np.testing.assert_array_equal(black[1:], measured[1:])
+
+
+def test_what_was_measured_is_kept_beside_the_correction():
+    measured, black = masks_of(SCENES)[0], masks_of(with_given(SCENES, 0.0))[0]
+    assert measured.measured is None
+    np.testing.assert_array_equal(black.measured, measured.values)
 
 
 @settings(max_examples=5, deadline=None)

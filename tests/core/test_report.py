@@ -87,6 +87,13 @@ def test_every_photo_is_there_with_its_reason(written, face):
     assert "5 of 6" in words and face.warnings[0] in words
 
 
+def test_every_used_photo_is_there_with_its_skin(written, face, tmp_path):
+    text = written.read_text("utf-8")
+    assert text.count(', skin" src=') == len(face.photos)
+    bare = report.write_report(tmp_path / "a.html", face, textured=False)
+    assert ', skin" src=' not in bare.read_text("utf-8")
+
+
 def test_json_says_the_same(written, face):
     facts = json.loads(written.with_suffix(".json").read_text("utf-8"))
     assert facts["photos"] == {"all": 6, "used": 5}
