@@ -8,6 +8,7 @@ from bpy.app.handlers import persistent
 from . import (
     cameras,
     headless,
+    mask_editor,
     material,
     panels,
     photo_panels,
@@ -20,6 +21,7 @@ from .operators import (
     export,
     expressions,
     landmarks,
+    masks,
     mesh,
     photos,
     reconstruct,
@@ -40,6 +42,7 @@ MODULES = (
     reconstruct,
     surface,
     views,
+    masks,
     expressions,
     mesh,
     export,
@@ -67,6 +70,7 @@ def upgrade(*_):
 def follow_undo(*_):
     """Views are not part of undo."""
     cameras.follow_undo(bpy.context)
+    mask_editor.restore_shading(bpy.context)
 
 
 HANDLERS = (

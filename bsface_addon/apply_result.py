@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from . import photo_list, scene
+from . import photo_list, scene, skin_overlay
 
 if TYPE_CHECKING:
     import bpy
@@ -52,4 +52,5 @@ def apply_result(
     photo_list.take_reports(state, result.reports)
     photo_list.take_landmarks(state, result.landmarks)
     state.hints = "\n".join(result.warnings)
+    skin_overlay.refresh(context, face)
     return face

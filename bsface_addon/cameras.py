@@ -24,6 +24,8 @@ from .rig import PHOTO_KEY
 ORTHOGRAPHIC_DISTANCE_MM = 1000.0
 SENSOR_MM = 36.0
 SIZE_KEY = "bsface_photo_size"
+# What was measured as skin in its photo, see `skin_pictures.measured`.
+SKIN_KEY = "bsface_skin"
 # What comes back when one leaves the cameras: on the scene its own camera and frame, on
 # the window manager how the views looked.  JSON texts.
 FRAME_BEFORE = "bsface_frame_before"
@@ -277,7 +279,7 @@ def keep_state(old, new):
     """Give a camera or sun what the user switched at the one that it replaces."""
     new.hide_viewport, new.hide_render = old.hide_viewport, old.hide_render
     if new.type == "CAMERA":
-        for before in old.data.background_images:
+        for before in old.data.background_images[:1]:
             put_photo(new, before.display_depth == "FRONT", before.alpha)
 
 
@@ -289,7 +291,7 @@ def in_front(face):
 
 def put_photo(view, front, opacity=0.5):
     """The photo in front of the surface with an opacity, or opaque behind it."""
-    for slot in view.data.background_images:
+    for slot in view.data.background_images[:1]:  # the rest is `skin_overlay`'s
         slot.display_depth = "FRONT" if front else "BACK"
         slot.alpha = opacity if front else 1.0
 

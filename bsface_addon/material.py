@@ -11,6 +11,7 @@ from collections.abc import Container
 import bpy
 
 from .maps import Map
+from .packed_image import packed_image
 
 # kind -> the name of its image and whether the light of the scene falls on it
 MAPS = {
@@ -60,9 +61,7 @@ def store_map(face: bpy.types.Object, kind: str, found: Map) -> bpy.types.Image:
     name = "Plain" if kind == "PLAIN" else MAPS[kind][0]
     node = _node(face, kind)
     old = node.image
-    image = bpy.data.images.new(f"{face.name} {name}", 1, 1)
-    image.pack(data=found.png, data_len=len(found.png))
-    image.source = "FILE"
+    image = packed_image(f"{face.name} {name}", found.png)
     image[KIND_KEY], image[LEGEND_KEY] = kind, found.legend
     _cut(image, is_trimmed(face))
     node.image = image

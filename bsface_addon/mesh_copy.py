@@ -9,6 +9,7 @@ from ..core.drawing.pictures import encode_png
 from ..core.rig.eyes import iris_picture
 from ..core.rig.mesh import PARTS, QuadMesh
 from . import surface_object
+from .packed_image import packed_image
 
 # Inside of the mouth, linear.
 MOUTH = (0.12, 0.02, 0.02, 1.0)
@@ -84,12 +85,8 @@ def _material(face: bpy.types.Object, part: str) -> bpy.types.Material | None:
         material.diffuse_color = shader.inputs["Base Color"].default_value = MOUTH
         return material
     shader.inputs["Roughness"].default_value = 0.1
-    data = encode_png(iris_picture())
-    image = bpy.data.images.new(name, 1, 1)
-    image.pack(data=data, data_len=len(data))
-    image.source = "FILE"
     picture = nodes.new("ShaderNodeTexImage")
-    picture.image = image
+    picture.image = packed_image(name, encode_png(iris_picture()))
     links.new(picture.outputs["Color"], shader.inputs["Base Color"])
     nodes.active = picture
     return material

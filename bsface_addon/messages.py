@@ -58,6 +58,11 @@ NO_LANDMARKS = "{name} has no landmarks yet; press Detect All or load a file"
 NONE_FOUND = "No landmarks were found in {name}; import them from a file"
 NOTHING_DETECTED = "No photo has landmarks yet; press Detect All or load a file"
 NO_EDITOR = "Press Edit Landmarks first"
+NO_MASK_EDITOR = "Press Paint Mask first"
+NO_MASKS = "No mask is painted yet; press Paint Mask"
+NO_SKIN = "{name} knows no skin masks; reconstruct it again"
+STAGE_OPEN = "Press Done first: a photo is being edited"
+MASKED = "The mask of {name} counts in the next run"
 BAD_EDIT = "The landmarks hold {why}; undo until all points are back"
 FOUND = "Faces found in {found} of {photos}"
 FACES = "This photo shows {count} faces; Edit Landmarks shows which one is taken"
@@ -94,6 +99,10 @@ CHOOSING = ("Choose photos,", "or choose none:", "all of the folder are added.")
 EDITING = (
     "Select points and press G to move them onto the picture. Points that you move "
     "count more than detected ones."
+)
+PAINTING = (
+    "Tinted is what is not skin of the face. Paint over hair, hands or glasses, or "
+    "over skin that was missed. Press F to change the size of the brush."
 )
 EXPRESSIONS = (
     "Give the photos of one expression a word, such as Smile; "
@@ -151,6 +160,11 @@ def added(count: int, given: int) -> str:
     if count == given:
         return f"{plural(count, 'photo')} added"
     return f"{plural(count, 'photo')} added, {given - count} in the list already"
+
+
+def masks_saved(count: int) -> str:
+    """The sentence after saving masks."""
+    return f"{plural(count, 'mask')} written beside the photos"
 
 
 def done(face, reports):

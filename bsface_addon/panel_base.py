@@ -5,7 +5,7 @@ from __future__ import annotations
 import blf
 import bpy
 
-from . import landmark_editor, scene
+from . import photo_stage, scene
 
 # Of the interface's text; and what borders, an icon and the scroll bar take.
 POINTS = 11
@@ -13,7 +13,7 @@ MARGIN = 70
 
 
 class BSFacePanel:
-    """Hidden while landmarks are edited: then only their panel shows."""
+    """Hidden while landmarks or a mask are edited: then only their panel shows."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -21,7 +21,7 @@ class BSFacePanel:
 
     @classmethod
     def poll(cls, context):
-        return landmark_editor.editor() is None
+        return not photo_stage.is_open()
 
 
 class FacePanel(BSFacePanel):

@@ -11,6 +11,7 @@ import bpy
 
 from ..core.errors import ReconstructionError
 from . import messages
+from .packed_image import packed_image
 
 if TYPE_CHECKING:
     from .properties import BSFACE_PG_photo, BSFACE_PG_scene
@@ -95,6 +96,7 @@ def rename(state):
 def set_path(state, row, path):
     """Give a row another file; what was known of the old one goes."""
     row.path, row.original, row.quarters = str(path), "", 0
+    keep_mask(row, b"")
     forget(row)
     rename(state)
 
@@ -169,6 +171,25 @@ def np_round(values, digits):
 def known_landmarks(state):
     """Photo name -> core Landmarks of all rows that have some."""
     return {row.name: landmarks(row) for row in state.photos if row.landmarks}
+
+
+def keep_mask(row: BSFACE_PG_photo, painted: bytes) -> None:
+    """Store the mask that a person painted, the content of a mask file; empty: none."""
+    old = row.mask
+    row.mask = packed_image(f"{row.name} mask", painted) if painted else None
+    if old is not None and old.users == 0:
+        bpy.data.images.remove(old)
+
+
+def mask(row: BSFACE_PG_photo) -> bytes:
+    """The mask that a person painted, as the content of a mask file; empty: none."""
+    packed = None if row.mask is None else row.mask.packed_file
+    return b"" if packed is None else packed.data
+
+
+def known_masks(state: BSFACE_PG_scene) -> dict[str, bytes]:
+    """Photo name -> painted mask of all rows that have one."""
+    return {row.name: mask(row) for row in state.photos if row.mask is not None}
 
 
 def take_landmarks(state, found):

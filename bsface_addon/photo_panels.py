@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import landmark_editor, messages, photo_list, thumbnails
+from . import landmark_editor, mask_editor, messages, photo_list, thumbnails
 from .panel_base import BSFacePanel, paragraph, shortened
 
 # Of a row of the list beside the name: box, thumbnail, status, buttons; in points.
@@ -28,6 +28,8 @@ class BSFACE_UL_photos(bpy.types.UIList):
         name.label(text=text, icon_value=picture, translate=False)
         state = row.row()
         state.alignment = "RIGHT"
+        if item.mask is not None:
+            state.label(text="", icon="MOD_MASK")
         if item.expression:
             state.label(text=item.expression, translate=False)
         state.alert = item.use and sign == "ERROR"
@@ -58,6 +60,9 @@ class BSFACE_MT_photos(bpy.types.Menu):
         ):
             layout.operator("bsface.photos_use", text=text).which = which
         layout.separator()
+        layout.operator("bsface.mask_save", icon="EXPORT")
+        layout.operator("bsface.mask_clear")
+        layout.separator()
         layout.operator("bsface.photos_clear", icon="LOOP_BACK")
 
 
@@ -78,6 +83,33 @@ class BSFACE_PT_editing(bpy.types.Panel):
         row.scale_y = 1.5
         row.operator("bsface.landmarks_done", icon="CHECKMARK").keep = True
         stop = row.operator("bsface.landmarks_done", text="Cancel", icon="X")
+        stop.keep = False
+
+
+class BSFACE_PT_painting(bpy.types.Panel):
+    bl_label = "Paint Mask"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "BSface"
+
+    @classmethod
+    def poll(cls, context):
+        return mask_editor.editor() is not None
+
+    def draw(self, context):
+        layout = self.layout
+        paragraph(context, layout, messages.PAINTING)
+        now = mask_editor.chosen(context)
+        column = layout.column(align=True)
+        for kind, (name, _, _) in mask_editor.BRUSHES.items():
+            column.operator(
+                "bsface.mask_brush", text=name, depress=kind == now
+            ).kind = kind
+        layout.prop(mask_editor.unified(context), "size", slider=True)
+        row = layout.row(align=True)
+        row.scale_y = 1.5
+        row.operator("bsface.mask_done", icon="CHECKMARK").keep = True
+        stop = row.operator("bsface.mask_done", text="Cancel", icon="X")
         stop.keep = False
 
 
@@ -107,6 +139,11 @@ class BSFACE_PT_photos(BSFacePanel, bpy.types.Panel):
         side.menu("BSFACE_MT_photos", icon="DOWNARROW_HLT", text="")
         if 0 <= state.active_photo < len(state.photos):
             _about(context, layout, state.photos[state.active_photo])
+        row = layout.row(align=True)
+        row.operator(
+            "bsface.skin_show", icon="MOD_MASK", depress=state.show_skin
+        ).show = not state.show_skin
+        row.operator("bsface.mask_edit", icon="BRUSH_DATA")
         for hint in state.hints.splitlines():
             paragraph(context, layout, hint, icon="INFO")
 
@@ -161,6 +198,7 @@ CLASSES = (
     BSFACE_UL_photos,
     BSFACE_MT_photos,
     BSFACE_PT_editing,
+    BSFACE_PT_painting,
     BSFACE_PT_photos,
     BSFACE_PT_landmarks,
 )

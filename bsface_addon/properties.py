@@ -17,7 +17,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import cameras, landmark_editor, scene, showing
+from . import cameras, photo_stage, scene, showing
 from .settings_group import BSFACE_PG_settings
 
 
@@ -44,6 +44,11 @@ class BSFACE_PG_photo(bpy.types.PropertyGroup):
         description="Photos with the same word make one shape key; empty: neutral",
     )
     faces: IntProperty(name="Faces", description="Faces seen in this photo")
+    mask: PointerProperty(
+        name="Mask",
+        description="What of the photo is skin, painted: white is, black is not",
+        type=bpy.types.Image,
+    )
 
 
 def _row_chosen(state, context):
@@ -52,7 +57,7 @@ def _row_chosen(state, context):
     inside = 0 <= state.active_photo < len(state.photos)
     if not state.follow or face is None or not inside:
         return
-    if landmark_editor.editor() is not None:
+    if photo_stage.is_open():
         return
     name = state.photos[state.active_photo].name
     for view in cameras.of_face(face):
@@ -81,6 +86,11 @@ class BSFACE_PG_scene(bpy.types.PropertyGroup):
         name="Mirror",
         description="What moves on one half of the coarse net moves on the other too",
         default=True,
+    )
+    show_skin: BoolProperty(
+        name="Skin Mask",
+        description="Whether the photo that one looks through is tinted",
+        options={"SKIP_SAVE"},
     )
     photo_opacity: FloatProperty(
         name="Opacity",

@@ -39,6 +39,8 @@ class Request:
         Names of photos to leave out.
     landmarks : mapping of photo name to Landmarks
         They replace detection.
+    masks : mapping of photo name to bytes
+        Painted masks, as the content of mask files.
     start : BSplineSurface or None
         A face to start from, in the size and place of results; None for the average.
     constraint : Constraint or None
@@ -52,6 +54,7 @@ class Request:
     name: str
     ignore: tuple[str, ...] = ()
     landmarks: Mapping[str, Landmarks] = field(default_factory=dict)
+    masks: Mapping[str, bytes] = field(default_factory=dict)
     start: BSplineSurface | None = None
     constraint: Constraint | None = None
     texture_size: int | None = None
@@ -85,6 +88,7 @@ def from_panel(
     if photos is None:
         fields.setdefault("ignore", photo_list.ignored(state))
         fields.setdefault("landmarks", photo_list.known_landmarks(state))
+        fields.setdefault("masks", photo_list.known_masks(state))
         photos = photo_list.paths(state)
     photos = tuple(photos)
     if not photos:

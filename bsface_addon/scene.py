@@ -25,6 +25,7 @@ from . import (
     messages,
     photo_expression,
     rig,
+    skin_overlay,
     surface_object,
 )
 from .solving import Outcome
@@ -255,7 +256,11 @@ def _add_cameras(face, outcome, own):
     group = _child_collection(own, "cameras")
     for camera, photo in zip(result.cameras, result.photos, strict=True):
         turn = outcome.turns.get(photo.name)
-        cameras.add(face, f"{face.name} {photo.name}", camera, photo, turn, group)
+        view = cameras.add(
+            face, f"{face.name} {photo.name}", camera, photo, turn, group
+        )
+        if photo.name in outcome.skin:
+            view[cameras.SKIN_KEY] = outcome.skin[photo.name]
 
 
 def _add_lights(face, result, own):
@@ -313,6 +318,8 @@ def _replace(context, face, old):
     for obj, name in names.items():
         if name in new:
             cameras.keep_state(obj, new[name])
+        if obj.type == "CAMERA":
+            skin_overlay.hide(obj)
     if through is not None and through not in new:
         cameras.leave_views(context)
     _remove(old)

@@ -8,7 +8,13 @@ import math
 import bpy
 from mathutils import Quaternion, Vector
 
-from . import cameras, material, photo_expression, surface_object
+from . import (
+    cameras,
+    material,
+    photo_expression,
+    skin_overlay,
+    surface_object,
+)
 from .scene import is_face
 
 # On the window manager: light of the solid views before a map was shown.
@@ -104,6 +110,7 @@ def photo(
     """Look through the camera of a photo, at the face with that photo's expression."""
     cameras.look_through(context, view)
     photo_expression.show(face, view[cameras.PHOTO_KEY])
+    skin_overlay.refresh(context, face)
 
 
 def present(context, face):

@@ -15,9 +15,10 @@ from ..core.camera.coverage import shortcomings
 from ..core.camera.linear_pose import linear_pose
 from ..core.errors import ReconstructionError, memory_reported
 from ..core.formats.face_file import face_bytes
-from ..core.images.mask_file import mask_file_beside
+from ..core.images.mask_file import decode_mask
 from ..core.landmarks.all_faces import faces_in
-from ..core.landmarks.landmarks import Landmarks, landmark_file_beside
+from ..core.landmarks.candidates import files_beside
+from ..core.landmarks.landmarks import Landmarks
 from ..core.prepare import Inputs, as_template, collect_photos, make_problem
 from ..core.problem import PhotoCollection
 from ..core.progress import Clock, Progress, Step
@@ -29,6 +30,7 @@ from ..core.texture.bake import Texture, bake_texture
 from ..core.threads import one_blas_thread
 from .maps import Map, all_maps
 from .orientation import Turn, orientation
+from .skin_pictures import measured
 
 if TYPE_CHECKING:
     from .request import Request
@@ -51,6 +53,8 @@ class Outcome:
         The face file of the result.
     turns : dict of str to (float, bool)
         How each photo's picture is turned, see `orientation`.
+    skin : dict of str to bytes
+        What is skin in each photo, see `skin_pictures.measured`.
     """
 
     result: Reconstruction
@@ -58,6 +62,7 @@ class Outcome:
     texture: Texture | None = None
     file: bytes = b""
     turns: dict[str, Turn] = field(default_factory=dict)
+    skin: dict[str, bytes] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -68,7 +73,12 @@ class Outcome:
     ) -> Outcome:
         """With all that takes too long for Blender's main thread."""
         turns = {p.name: orientation(p.path) for p in result.photos if p.path}
-        return cls(result, maps or {}, texture, face_bytes(result), turns)
+        masks = () if texture is None else texture.skin
+        skin = {
+            photo.name: measured(mask, photo)
+            for photo, mask in zip(result.photos, masks, strict=False)
+        }
+        return cls(result, maps or {}, texture, face_bytes(result), turns, skin)
 
 
 @dataclass(frozen=True)
@@ -139,7 +149,12 @@ class Solver:
         newest = self._newest
         if newest is not None and newest[0] == key:
             return newest[1]
-        inputs = Inputs(template, request.landmarks, request.ignore)
+        inputs = Inputs(
+            template,
+            request.landmarks,
+            request.ignore,
+            masks={name: decode_mask(data) for name, data in request.masks.items()},
+        )
         found = collect_photos(request.photos, request.settings, inputs, progress)
         self._newest = key, found
         return found
@@ -179,8 +194,9 @@ def _reading_key(request: Request, template: Template) -> str:
         os.environ.get("BSFACE_MODELS"),
     ]
     for path in request.photos:
-        beside = (landmark_file_beside(path), mask_file_beside(path))
-        parts += [str(path), _stamp(path), *map(_stamp, beside)]
+        parts += [[str(file), _stamp(file)] for file in (path, *files_beside(path))]
+    for name, data in sorted(request.masks.items()):
+        parts.append([name, hashlib.sha256(data).hexdigest()])
     for name, found in sorted(request.landmarks.items()):
         # Those that were detected are what detection finds again.
         if found.source != "detected":
@@ -189,13 +205,13 @@ def _reading_key(request: Request, template: Template) -> str:
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
-def _stamp(path: Path | None) -> tuple[int, int] | None:
+def _stamp(path: Path) -> tuple[int, int] | None:
     """Time and size of a file; None where there is none."""
     try:
-        found = os.stat(path) if path else None
+        found = os.stat(path)
     except OSError:
         return None
-    return None if found is None else (found.st_mtime_ns, found.st_size)
+    return found.st_mtime_ns, found.st_size
 
 
 def _scaled(progress: Progress | None) -> Progress | None:

@@ -95,6 +95,7 @@ class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operato
             },
             start=face_file.surface(face),
             landmarks={r.name: known[r.name] for r in rows if r.name in known},
+            masks={r.name: photo_list.mask(r) for r in rows if r.mask is not None},
         )
 
     def deliver(self, context, request, outcome):

@@ -8,8 +8,17 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
+from ...core.errors import PhotoFailure, ReconstructionError
 from ...core.images.read import read_photo
-from .. import landmark_editor, messages, photo_list, request
+from ...core.landmarks.landmarks import Landmarks
+from .. import (
+    landmark_editor,
+    mask_editor,
+    messages,
+    photo_list,
+    photo_stage,
+    request,
+)
 from ..solving import next_face
 from .photos import RowOperator, ready
 from .running import LongOperator
@@ -61,33 +70,47 @@ def with_landmarks(cls, context):
     return True
 
 
-class BSFACE_OT_landmarks_edit(RowOperator, bpy.types.Operator):
+@dataclass(frozen=True)
+class PhotoToEdit:
+    """A photo whose landmarks are to be moved."""
+
+    path: Path
+    name: str
+    landmarks: Landmarks
+
+
+class BSFACE_OT_landmarks_edit(RowOperator, LongOperator, bpy.types.Operator):
     """Show the landmarks over the photo; move wrong ones with G, then press Done"""
 
     bl_idname = "bsface.landmarks_edit"
     bl_label = "Edit Landmarks"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context):
+        if mask_editor.editor() is not None:
+            cls.poll_message_set(messages.STAGE_OPEN)
+            return False
         return with_landmarks(cls, context)
 
-    def execute(self, context):
-        row = self.row(context)
-        if row is None:
-            return {"CANCELLED"}
+    def prepare(self, context):
+        row = self.wanted(context)
         found = photo_list.landmarks(row)
         if found is None:
-            self.report({"ERROR"}, messages.NO_LANDMARKS.format(name=row.name))
-            return {"CANCELLED"}
-        photo = read_photo(photo_list.absolute(row), row.name)
-        if not photo:
-            self.report({"ERROR"}, photo.reason)
-            return {"CANCELLED"}
+            raise ReconstructionError(messages.NO_LANDMARKS.format(name=row.name))
+        return PhotoToEdit(photo_list.absolute(row), row.name, found)
+
+    @staticmethod
+    def work(solver, request, progress):
+        photo = read_photo(request.path, request.name)
+        if isinstance(photo, PhotoFailure):
+            raise ReconstructionError(photo.reason)
+        return photo
+
+    def deliver(self, context, request, outcome):
         if landmark_editor.editor() is not None:
             bpy.ops.bsface.landmarks_done()
-        landmark_editor.open_editor(context, photo, found)
-        return {"FINISHED"}
+        landmark_editor.open_editor(context, outcome, request.landmarks)
 
 
 class BSFACE_OT_landmarks_done(bpy.types.Operator):
@@ -125,7 +148,7 @@ class BSFACE_OT_landmarks_done(bpy.types.Operator):
                 photo_list.keep_landmarks(row, found)
                 row.status, row.reason = "found", ""
             self.report({"INFO"}, messages.MOVED.format(count=int(moved.sum())))
-        landmark_editor.close_editor(context, obj)
+        photo_stage.close_stage(context, obj)
         return {"FINISHED"}
 
 

@@ -64,6 +64,12 @@ class RowOperator:
             return None
 
 
+def original_of(row):
+    """The file that the row's photo is, or was before it was turned."""
+    turned_from = bpy.path.abspath(row.original) if row.original else ""
+    return Path(turned_from or photo_list.absolute(row))
+
+
 class BSFACE_OT_photos_add(bpy.types.Operator):
     """Add photos of one person: choose some, or go into a folder and choose none"""
 
@@ -220,10 +226,9 @@ class BSFACE_OT_photos_turn(RowOperator, LongOperator, bpy.types.Operator):
 
     def prepare(self, context):
         row = self.wanted(context)
-        original = bpy.path.abspath(row.original) if row.original else ""
         return turned.PhotoToTurn(
             row.name,
-            Path(original or photo_list.absolute(row)),
+            original_of(row),
             (row.quarters + self.quarters) % 4,
             turned.folder(),
         )

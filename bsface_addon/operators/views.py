@@ -5,7 +5,16 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from .. import cameras, lights, messages, photo_expression, photo_list, scene, showing
+from .. import (
+    cameras,
+    lights,
+    messages,
+    photo_expression,
+    photo_list,
+    scene,
+    showing,
+    skin_overlay,
+)
 from .surface import FaceOperator
 
 
@@ -65,7 +74,9 @@ class BSFACE_OT_view_leave(ViewOperator, bpy.types.Operator):
 
     def execute(self, context):
         cameras.leave_views(context)
-        photo_expression.hide(scene.active_face(context))
+        face = scene.active_face(context)
+        photo_expression.hide(face)
+        skin_overlay.refresh(context, face)
         return {"FINISHED"}
 
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from .._types import Array32
 from ..errors import PhotoFailure
-from ..files import write_bytes
 from .photo import Photo
 from .read import read_photo
 
@@ -94,13 +93,23 @@ def read_mask(path: Path, photo: Photo) -> Array32 | PhotoFailure:
             grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA
         )
         grey = np.asarray(small, np.float32)
-    return np.where(np.abs(grey - 0.5) < SILENT, np.float32(0.5), grey)
+    return _silenced(grey)
 
 
-def write_mask(path: str | os.PathLike, mask: Array32) -> Path:
-    """Write a mask as `read_mask` reads it; 0.5 becomes the grey that says nothing."""
+def encode_mask(mask: Array32) -> bytes:
+    """The content of a mask file; 0.5 becomes the grey that says nothing."""
     grey = np.round(np.clip(mask, 0, 1) * 255).astype(np.uint8)
-    return write_bytes(path, cv2.imencode(".png", grey)[1].tobytes())
+    return cv2.imencode(".png", grey)[1].tobytes()
+
+
+def decode_mask(data: bytes) -> Array32:
+    """The mask that `encode_mask` made bytes of."""
+    grey = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+    return _silenced(grey.astype(np.float32) / 255)
+
+
+def _silenced(grey: Array32) -> Array32:
+    return np.where(np.abs(grey - 0.5) < SILENT, np.float32(0.5), grey)
 
 
 def _of_same_shape(mask: Array32, photo: Photo, name: str) -> PhotoFailure | None:

@@ -146,15 +146,15 @@ def skin_masks(
     for i, (photo, camera) in enumerate(zip(photos, cameras, strict=True)):
         check_cancelled()
         mask = _mask(photo, camera, colours, i)
-        masks.append(mask if photo.mask is None else corrected(mask, photo))
+        if photo.mask is not None:
+            scale = photo.mask.shape[1] / photo.size[0]
+            mask = corrected(mask, SkinMask(photo.mask, (0.0, 0.0, scale)))
+        masks.append(mask)
     return tuple(masks)
 
 
-def corrected(mask: SkinMask, photo: Photo) -> SkinMask:
-    """A measured mask as the photo's own mask has it; half grey leaves it as it is."""
-    own = photo.mask
-    assert own is not None
-    given = SkinMask(own, (0.0, 0.0, own.shape[1] / photo.size[0]))
+def corrected(mask: SkinMask, given: SkinMask) -> SkinMask:
+    """A measured mask as another one has it, whose 0.5 leaves it as it is."""
     if mask.values.size == 1:
         # nothing was measured: there is no grid yet to correct it on
         mask = replace(given, values=np.ones_like(given.values))

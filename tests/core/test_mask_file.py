@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 from bsface.errors import PhotoFailure
 from bsface.images.folder import scan_folder
-from bsface.images.mask_file import mask_file_beside, with_mask, write_mask
+from bsface.images.mask_file import (
+    decode_mask,
+    encode_mask,
+    mask_file_beside,
+    with_mask,
+)
 from bsface.images.photo import cut
 from bsface.images.read import read_photo
 from bsface.landmarks.candidates import files_beside
@@ -86,10 +91,11 @@ def test_a_written_mask_is_read_again(tmp_path_factory, seed):
     mask = np.random.default_rng(seed).choice(
         np.float32([0, 0.2, 0.5, 0.9, 1]), (48, 32)
     )
-    write_mask(path.with_name("a.mask.png"), mask)
+    path.with_name("a.mask.png").write_bytes(encode_mask(mask))
     read = with_mask(read_photo(path)).mask
     np.testing.assert_allclose(read, mask, atol=0.5 / 255 + 1e-6)
     assert (read[mask == 0.5] == 0.5).all()
+    np.testing.assert_array_equal(decode_mask(encode_mask(mask)), read)
 
 
 def test_a_mask_that_is_given_wins_over_the_file(photo):
