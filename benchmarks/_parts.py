@@ -9,7 +9,12 @@ import numpy as np
 from bsface.camera.camera import Camera
 from bsface.camera.prior import CameraPrior
 from bsface.images.photo import Photo
-from bsface.photometry.lighting import robust_weights, solve_albedo, solve_lights
+from bsface.photometry.lighting import (
+    photo_noise,
+    robust_weights,
+    solve_albedo,
+    solve_lights,
+)
 from bsface.photometry.sampling import IntensityField, smooth_photo
 from bsface.problem import Problem
 from bsface.progress import never_cancelled
@@ -134,6 +139,7 @@ class EqualWeights:
             s = np.einsum("ik,ipk->ip", lights, Y)
             albedo = solve_albedo(values, view, s)
         residual = values - albedo * s
-        robust = robust_weights(view, residual, self.noise)
+        noise = photo_noise(view, residual, self.noise)
+        robust = robust_weights(view, residual, noise)
         share = float(robust.sum() / max(view.sum(), 1e-12))
-        return Shading(lights, albedo, share * view, residual)
+        return Shading(lights, albedo, share * view, residual, noise)

@@ -17,6 +17,7 @@ from bsface.camera.camera import Camera
 from bsface.images.photo import Photo
 from bsface.photometry.lighting import (
     estimate_lighting,
+    photo_noise,
     robust_weights,
     solve_albedo,
     solve_lights,
@@ -142,5 +143,7 @@ class HeldShading:
             if not self.albedo:
                 albedo = solve_albedo(values, W, s)
         r = values - albedo * s
-        weights = robust_weights(view, r, options.noise)
-        return Shading(found, albedo, weights, r, KNOWN if self.albedo else 0.0)
+        noise = photo_noise(view, r, options.noise)
+        weights = robust_weights(view, r, noise)
+        known = KNOWN if self.albedo else 0.0
+        return Shading(found, albedo, weights, r, noise, known)

@@ -83,7 +83,8 @@ class Settings:
     shadows : bool
         Account for the shadows that the face casts on itself.
     intensity_noise : float
-        Cauchy scale of intensities, relative to the photo's median.
+        Cauchy scale of intensities in a usual photo, relative to its median; photos
+        with larger residuals have more.
     independence : float
         Share of the intensity samples that count as independent observations.
     finest_blur_mm : float

@@ -18,6 +18,12 @@ from .._types import Array
 from ..progress import CheckCancelled, never_cancelled
 from . import harmonics
 
+#: The size of residuals, relative to the photo's median, at which a photo has the
+#: noise that the settings name.
+USUAL_RESIDUAL = 0.05
+#: Factors on that noise for other photos: smallest, largest.
+NOISE_RANGE = (0.4, 3.0)
+
 
 @dataclass(frozen=True)
 class PhotometricEvidence:
@@ -146,9 +152,39 @@ def solve_albedo(values: Array, W: Array, shading: Array) -> Array:
     return np.clip((W * shading * values).sum(0) / energy, 0.02, 20.0)
 
 
-def robust_weights(view: Array, residual: Array, noise: float) -> Array:
-    """Visibility times the Cauchy weight of each residual, ``(n, p)``."""
+def robust_weights(view: Array, residual: Array, noise: float | Array) -> Array:
+    """Visibility times the Cauchy weight of each residual, ``(n, p)``.
+
+    ``noise`` is the Cauchy scale of all photos, or of each (n, 1).
+    """
     return view / (1 + (residual / noise) ** 2)
+
+
+def photo_noise(view: Array, residual: Array, noise: float) -> Array:
+    """Cauchy scale of the residuals of each photo, ``(n, 1)``.
+
+    Photos differ in resolution, compression and hardness of the light. How large the
+    residuals of a photo are says how far to trust it.
+
+    Parameters
+    ----------
+    view : (n, p) array
+        Visibility weights.
+    residual : (n, p) array
+    noise : float
+        Of a photo whose residuals are of usual size.
+    """
+    seen = view > 0
+    photos = seen.sum(0)
+    # The albedo of a point follows the photos that see it, the more so the fewer.
+    unbiased = np.sqrt(photos / np.maximum(photos - 1, 1))
+    factors = np.ones((len(view), 1))
+    for i in range(len(view)):
+        shared = seen[i] & (photos > 1)
+        if shared.any():
+            size = np.median(np.abs(residual[i, shared]) * unbiased[shared])
+            factors[i] = 1.4826 * size / USUAL_RESIDUAL
+    return noise * np.clip(factors, *NOISE_RANGE)
 
 
 def robust_normals(

@@ -13,6 +13,7 @@ import reference
 from bsface.camera.camera import PARAMETERS, Camera
 from bsface.landmarks.observations import LandmarkObservations
 from bsface.photometry import harmonics
+from bsface.photometry.lighting import NOISE_RANGE
 from bsface.problem import Constraint, FaceEstimate, PhotoCollection, Problem
 from bsface.progress import never_cancelled
 from bsface.settings import Settings
@@ -640,7 +641,7 @@ def test_surface_comes_back(template, scene):
     options = JointOptions(
         (Level(3.0, 8, 16, 6),),
         landmark_weight=0.0,
-        noise=0.03,
+        noise=0.03 / NOISE_RANGE[0],  # of perfect pictures: 0.03
         independence=1.0,
         shadows=False,
     )

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from bsface.photometry import harmonics
 from bsface.photometry.lighting import (
+    NOISE_RANGE,
+    USUAL_RESIDUAL,
     estimate_lighting,
     light_diversity,
+    photo_noise,
     robust_normals,
     tangents,
 )
@@ -201,3 +204,30 @@ def test_diversity_of_light():
     holes = full.copy()
     holes[::3, ::4] = 0
     assert light_diversity(values, holes)[1] > 0.5 * varied[1]
+
+
+@pytest.mark.parametrize("photos", [2, 3, 20])
+def test_noise_of_a_photo_follows_its_residuals(photos):
+    """Also with few photos, where the albedo takes a part of the residuals away."""
+    size = np.linspace(0.8, 1.6, photos)[:, None] * USUAL_RESIDUAL
+    residual = size.mean() * np.random.default_rng(2).normal(size=(photos, 40000))
+    residual -= residual.mean(0)
+    view = np.ones_like(residual)
+    np.testing.assert_allclose(
+        photo_noise(view, residual, 0.06), 0.06 * size.mean() / USUAL_RESIDUAL, 0.02
+    )
+    residual = size * np.random.default_rng(2).normal(size=(photos, 40000))
+    found = photo_noise(view, residual, 1.0).ravel()
+    assert (np.diff(found) > 0).all()
+
+
+def test_noise_is_the_usual_one_where_nothing_tells():
+    """One photo has no residuals, and a photo that sees nothing has none either."""
+    residual = 0.01 * np.ones((3, 50))
+    view = np.zeros((3, 50))
+    view[0] = 1
+    assert (photo_noise(view, residual, 0.06) == 0.06).all()
+    residual[1], view[1] = 100, 1
+    np.testing.assert_allclose(
+        photo_noise(view, residual, 0.06)[1:, 0], (0.06 * NOISE_RANGE[1], 0.06)
+    )

@@ -21,7 +21,7 @@ import numpy as np
 from ..._types import Array, Mask
 from ...camera.camera import PARAMETERS, Camera
 from ...images.photo import Photo
-from ...photometry.lighting import estimate_lighting
+from ...photometry.lighting import estimate_lighting, photo_noise, robust_weights
 from ...photometry.skin import SkinMask
 from ...surface.bspline import BSplineSurface
 from .gram import product
@@ -97,6 +97,8 @@ class Shading(NamedTuple):
     weights : (n, p) array
         Robust, 0 where a photo does not see the point.
     residual : (n, p) array
+    noise : float or (n, 1) array
+        Cauchy scale of the residuals, of all photos or of each.
     albedo_precision : float
         Of the albedo before the values are looked at; 0 = nothing is known of it.
     """
@@ -105,6 +107,7 @@ class Shading(NamedTuple):
     albedo: Array
     weights: Array
     residual: Array
+    noise: float | Array
     albedo_precision: float = 0.0
 
 
@@ -123,7 +126,7 @@ class RobustShading:
     Attributes
     ----------
     noise : float
-        Cauchy scale of the residuals.
+        Cauchy scale of the residuals of a usual photo, see `photo_noise`.
     ridge : float
         Of the lights, relative.
     """
@@ -133,16 +136,19 @@ class RobustShading:
 
     def __call__(self, seen: Readings, samples: Samples, state: State, /) -> Shading:
         """See `ShadingSolver`."""
-        lights, albedo, weights, residual = estimate_lighting(
+        view = seen.view * samples.area
+        lights, albedo, _, residual = estimate_lighting(
             seen.values,
-            seen.view * samples.area,
+            view,
             seen.harmonics,
             state.lights,
             state.albedo,
             noise=self.noise,
             ridge=self.ridge,
         )
-        return Shading(lights, albedo, weights, residual)
+        noise = photo_noise(view, residual, self.noise)
+        weights = robust_weights(view, residual, noise)
+        return Shading(lights, albedo, weights, residual, noise)
 
 
 class Linearisation(NamedTuple):
@@ -254,7 +260,7 @@ def read_photos(
 
 
 def linearise(
-    seen: Readings, shading: Shading, samples: Samples, confidence: float
+    seen: Readings, shading: Shading, samples: Samples, independence: float
 ) -> Linearisation:
     """Derivatives of all residuals.
 
@@ -263,8 +269,8 @@ def linearise(
     seen : Readings
     shading : Shading
     samples : Samples
-    confidence : float
-        Precision of a residual of weight 1.
+    independence : float
+        Share of the samples that count as independent.
     """
     geometry, albedo, lights = seen.geometry, shading.albedo, shading.lights
     n = len(lights)
@@ -287,7 +293,7 @@ def linearise(
     return Linearisation(
         samples,
         shading.residual,
-        confidence * shading.weights,
+        independence / shading.noise**2 * shading.weights,
         c,
         by_motion,
         seen.harmonics,

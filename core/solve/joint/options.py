@@ -49,7 +49,7 @@ class JointOptions:
     levels : tuple of Level
         From coarse to fine.
     noise : float
-        Cauchy scale of intensities, relative to the photo's median.
+        Cauchy scale of intensities in a usual photo, relative to its median.
     independence : float
         Share of the samples that count as independent.
     shadows : bool

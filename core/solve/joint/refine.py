@@ -119,8 +119,7 @@ class Refinement:
         shading = solve(seen, samples, state)
         state = replace(state, lights=shading.lights, albedo=shading.albedo)
         check_cancelled()
-        confidence = options.independence / options.noise**2
-        rows = linearise(seen, shading, samples, confidence)
+        rows = linearise(seen, shading, samples, options.independence)
         check_cancelled()
         return Evidence(state, seen, shading, rows)
 
