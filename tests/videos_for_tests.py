@@ -47,9 +47,10 @@ def with_times(path: Path, steps: Sequence[int]) -> None:
     path.write_bytes(_replaced(path.read_bytes(), (*SAMPLES, b"stts"), lambda _: body))
 
 
-def with_transfer(path: Path, code: int) -> None:
-    """Let an MP4 say which curve its brightness has (ITU-T H.273)."""
-    colr = struct.pack(">I4s4sHHHB", 19, b"colr", b"nclx", 9, code, 9, 0)
+def with_colour(path: Path, primaries: int, transfer: int, matrix: int) -> None:
+    """Let an MP4 say which colours it has (ITU-T H.273)."""
+    codes = (primaries, transfer, matrix)
+    colr = struct.pack(">I4s4sHHHB", 19, b"colr", b"nclx", *codes, 0)
 
     def longer(body: bytes) -> bytes:
         size, kind = struct.unpack(">I4s", body[8:16])

@@ -16,6 +16,7 @@ import numpy as np
 
 from .._types import Array, Picture8
 from .boxes import inside
+from .hdr import hlg_light, pq_light
 from .icc import SRGB_CURVE, Curve, ProfileError, RgbProfile, read_profile
 from .tiff import directory
 
@@ -70,11 +71,13 @@ def coded_profile(primaries: int, transfer: int) -> RgbProfile | None:
     Raises
     ------
     ProfileError
-        The curve is one for high dynamic range, or unknown.
+        The curve is unknown.
     """
     if transfer in HDR:
-        raise ProfileError(f"it is a picture of high dynamic range ({HDR[transfer]})")
-    if transfer == 8:
+        stored = np.linspace(0, 1, 65536)
+        light = pq_light if HDR[transfer] == "PQ" else hlg_light
+        curve = Curve(light(stored), np.empty(0))
+    elif transfer == 8:
         curve = Curve(np.empty(0), np.array([1.0, 1, 0, 0, 0, 0, 0]))
     elif transfer in _LIKE_SRGB:
         curve = SRGB_CURVE

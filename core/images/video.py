@@ -7,9 +7,7 @@ by the FFmpeg that it carries.
 
 from __future__ import annotations
 
-import contextlib
 import os
-import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,11 +17,12 @@ import numpy as np
 
 from ..errors import PhotoFailure
 from ..progress import CheckCancelled, never_cancelled
-from .boxes import boxes, inside
-from .decode import LIMITS, MIN_SIDE, Limits, judge_file, quiet
-from .embedded import HDR
+from .capture import opened
+from .decode import LIMITS, MIN_SIDE, Limits, judge_file
 from .frames import Frame, choose_frames, look
+from .icc import ProfileError
 from .photo import Photo
+from .video_colour import Convert, frame_converter, read_colour, unchanged
 
 # So many frames are handed out, of which landmarks choose by pose and light.
 FRAMES = 90
@@ -48,6 +47,8 @@ class VideoFrames:
     note : str
         As `Photo.note`.
     limits : Limits
+    convert : callable
+        Takes decoded frames to sRGB.
     """
 
     path: Path
@@ -55,6 +56,7 @@ class VideoFrames:
     frames: tuple[Frame, ...]
     note: str = ""
     limits: Limits = LIMITS
+    convert: Convert = unchanged
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -77,7 +79,7 @@ class VideoFrames:
         """
         wanted = dict(zip((f.number for f in self.frames), self.names, strict=True))
         last = self.frames[-1].number
-        with _opened(self.path) as video:
+        with opened(self.path) as video:
             for number in range(last + 1):
                 check_cancelled()
                 if not video.grab():
@@ -95,7 +97,7 @@ class VideoFrames:
             bgr = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
         rgb = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
         window = (0.0, 0.0, 1.0 / reduction)
-        return Photo(name, None, (w, h), rgb, window, self.note)
+        return Photo(name, None, (w, h), self.convert(rgb), window, self.note)
 
 
 def read_video(
@@ -141,7 +143,7 @@ def read_video(
         failure = judge(path, name)
         if failure is not None:
             return failure
-    with _opened(path) as video:
+    with opened(path) as video:
         if not video.isOpened():
             return PhotoFailure(
                 name,
@@ -173,7 +175,13 @@ def read_video(
             f"{name} holds no frame that can be decoded; copy it again or export it "
             "as MP4.",
         )
-    return VideoFrames(path, name, choose_frames(frames, count), _note(path), limits)
+    note, convert = "", unchanged
+    try:
+        convert = frame_converter(read_colour(path))
+    except ProfileError as error:
+        note = f"read as sRGB: {error}"
+    chosen = choose_frames(frames, count)
+    return VideoFrames(path, name, chosen, note, limits, convert)
 
 
 def time_code(seconds: float) -> str:
@@ -214,31 +222,6 @@ def _watch(
     return frames
 
 
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
-    with quiet(), _quiet_ffmpeg():
-        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    try:
-        video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
-        yield video
-    finally:
-        video.release()
-
-
-@contextlib.contextmanager
-def _quiet_ffmpeg() -> Iterator[None]:
-    """FFmpeg says on stderr what we say in the report; OpenCV asks here how loudly."""
-    name = "OPENCV_FFMPEG_LOGLEVEL"
-    before = os.environ.get(name)
-    if before is None:
-        os.environ[name] = "-8"  # AV_LOG_QUIET
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
-
-
 def _judge_head(path: Path, name: str) -> PhotoFailure | None:
     """FFmpeg also follows play lists, which may name files anywhere: not opened."""
     try:
@@ -257,22 +240,3 @@ def _judge_head(path: Path, name: str) -> PhotoFailure | None:
         "unreadable",
         f"{name} is not a video, whatever its name says; remove it.",
     )
-
-
-def _note(path: Path) -> str:
-    """What to say of a video of high dynamic range, whose curve is not sRGB's."""
-    tracks = (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd")
-    with contextlib.suppress(OSError, ValueError, struct.error):
-        # Mapped, not read: the pictures lie between what is looked at.
-        data = np.memmap(path, np.uint8, "r").data
-        for samples in inside(data, *tracks):
-            for _, sample in boxes(samples[8:]):
-                for kind, body in boxes(sample[78:]):  # after VisualSampleEntry
-                    if kind == b"colr" and bytes(body[:4]) in (b"nclx", b"nclc"):
-                        transfer = struct.unpack(">H", body[6:8])[0]
-                        if transfer in HDR:
-                            return (
-                                f"a video of high dynamic range ({HDR[transfer]}), "
-                                "read as if it were not: shading is less certain"
-                            )
-    return ""

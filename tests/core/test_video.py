@@ -16,7 +16,7 @@ from bsface.images.frames import ALIKE, choose_frames, far_apart, look
 from bsface.images.keep_frames import keep_frames
 from bsface.images.read import read_photo
 from bsface.images.video import VideoFrames, read_video, time_code
-from videos_for_tests import CODECS, turned_clip, with_times, with_transfer, write_clip
+from videos_for_tests import CODECS, turned_clip, with_times, write_clip
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "photos"
 RNG = np.random.default_rng(5)
@@ -145,15 +145,6 @@ def test_large_frames_are_made_smaller_and_keep_their_coordinates(tmp_path):
     photo = next(found.photos())
     assert photo.pixels.shape == (120, 120, 3)
     assert photo.size == (240, 240) and photo.window == (0.0, 0.0, 0.5)
-
-
-def test_high_dynamic_range_is_noted(tmp_path):
-    path = write_clip(tmp_path / "a.mp4", PICTURES[:2])
-    with_transfer(path, 18)
-    found = read_video(path)
-    assert "high dynamic range (HLG)" in next(found.photos()).note
-    with_transfer(write_clip(path, PICTURES[:2]), 1)
-    assert read_video(path).note == ""
 
 
 def test_frames_are_kept_as_photos(tmp_path):
