@@ -244,7 +244,7 @@ def collect_photos(
         photos=tuple(item.photo for item in used),
         landmarks=tuple(item.landmarks for item in used),
         failures=failures,
-        identity_warnings=warnings,
+        identity_warnings=(*warnings, *_drawings(used)),
         hints=hints,
         hashes=reader.hashes,
     )
@@ -326,6 +326,17 @@ def _printable(name: str) -> str:
 def _tell(progress: Progress | None, done: int, total: int, message: str) -> None:
     if progress is not None:
         progress(Step("landmarks", done, total, done / total, message))
+
+
+def _drawings(used: Sequence[Candidate]) -> tuple[str, ...]:
+    names = [face.photo.name for face in used if face.drawn]
+    if not names:
+        return ()
+    it = "it" if len(names) == 1 else "them"
+    return (
+        f"{', '.join(names)} may be drawn, painted or strongly retouched, so that its "
+        f"shading is not the face's; look at {it}, and ignore {it} if so.",
+    )
 
 
 def _nothing_usable(failures: tuple[PhotoFailure, ...]) -> str:

@@ -4,8 +4,8 @@
     python -I tests/wheel.py REFERENCE.npy    an installed wheel, compared with it
 
 Commands run in a folder of their own, on four of the example photos. The control
-points have to be those of the reference to a millionth of the eye distance, whatever
-the versions of NumPy, SciPy and OpenCV. With the wheel, the tests of reading, surface,
+points have to be those of the reference to a millionth of a millimetre, whatever the
+versions of NumPy, SciPy and OpenCV. With the wheel, the tests of reading, surface,
 light and CAD formats run too.
 """
 
@@ -29,9 +29,9 @@ CHOSEN = ("000.jpg", "005.jpg", "011.jpg", "020.jpg")
 SMALL = ("--set=control_points=16,16", "--set=iterations=2")
 #: What depends most on the versions of the libraries.
 TESTS = ("photos", "bspline", "harmonics", "formats_cad")
-#: Versions of OpenCV differ in the last digits of a blur; at the rim of a mask that
-#: adds or drops a sample, which moves control points by 1e-4 mm.
-TOLERANCE_MM = 1e-3
+#: Versions of OpenCV differ in the last digits of a blur, which moves control points by
+#: about 1e-9 mm.
+TOLERANCE_MM = 1e-6
 
 
 def run(folder: Path, *words: str, **variables: str) -> subprocess.CompletedProcess:

@@ -24,6 +24,7 @@ from ..images.read import read_photo
 from ..progress import CheckCancelled
 from ..settings import Settings
 from ..surface.template import Template
+from .drawn import looks_drawn
 from .face_mesh import FaceMesh
 from .face_models import ModelFiles
 from .face_selection import Candidate
@@ -195,10 +196,6 @@ class CandidateReader:
     def _judge(self, photo: Photo, found: Landmarks) -> Candidate:
         """The cut-out of one face, and whether it is of use."""
         landmarks = self._reduced(found)
-        cut_off = outside(found, photo.size)
-        if cut_off > CUT_OFF:
-            note = f"cut by the picture's edge: {100 * cut_off:.0f} % of it is outside"
-            landmarks = replace(landmarks, note=note)
         fit = self._fit(landmarks.points, landmarks.scheme, landmarks.weight)
         failure = judge_fit(fit, landmarks, photo.size)
         if failure is None:
@@ -213,7 +210,15 @@ class CandidateReader:
         part = cut(photo, np.concatenate([centre - half, centre + half]), MAX_SIDE)
         if failure is None:
             failure = judge_quality(part, landmarks, fit)
-        return Candidate(part, landmarks, fit, failure, found)
+        drawn = failure is None and looks_drawn(part, landmarks, fit)
+        notes = ["looks drawn or painted"] if drawn else []
+        cut_off = outside(found, photo.size)
+        if cut_off > CUT_OFF:
+            part_of_it = f"{100 * cut_off:.0f} % of it is outside"
+            notes.append(f"cut by the picture's edge: {part_of_it}")
+        if notes:
+            landmarks = replace(landmarks, note="; ".join(notes))
+        return Candidate(part, landmarks, fit, failure, found, drawn)
 
 
 def files_beside(photo: str | os.PathLike) -> tuple[Path, ...]:

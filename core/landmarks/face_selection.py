@@ -25,6 +25,8 @@ class Candidate:
         bystander would stand in for a person who is blurred.
     found : Landmarks or None
         As they were found, before they were reduced to the scheme that is asked for.
+    drawn : bool
+        It may be drawn or painted.
     """
 
     photo: Photo
@@ -32,3 +34,4 @@ class Candidate:
     fit: FaceFit
     failure: PhotoFailure | None = None
     found: Landmarks | None = None
+    drawn: bool = False
