@@ -82,6 +82,10 @@ class FolderScan:
             found.append(
                 f"{more} more file{'s are' if more > 1 else ' is'} passed over."
             )
+        if self.others:
+            one = len(self.others) == 1
+            kind = "is not a photo and is" if one else "are not photos and are"
+            found.append(f"{_listed(self.others)} {kind} passed over.")
         if self.photo_folders:
             listed = _listed(self.photo_folders)
             one = len(self.photo_folders) == 1

@@ -65,7 +65,12 @@ def test_photos_videos_and_what_is_passed_over(tmp_path):
     assert names(scan.sources, tmp_path) == ["2.jpg", "10.jpg", "walk.MP4"]
     assert list_sources(tmp_path) == scan.sources
     assert scan.others == ("notes.txt",)
-    assert scan.passed_over == () and scan.hints() == ()
+    assert scan.passed_over == ()
+    assert scan.hints() == ("notes.txt is not a photo and is passed over.",)
+    (tmp_path / "old.doc").touch()
+    assert scan_folder(tmp_path).hints() == (
+        "notes.txt, old.doc are not photos and are passed over.",
+    )
 
 
 def test_pictures_that_we_wrote_are_not_photos(tmp_path):
