@@ -20,7 +20,9 @@ from ..core.drawing.pictures import colour_map, encode_png
 from ..core.images.colour import to_picture
 from ..core.result import Reconstruction
 from ..core.surface.bspline import BSplineSurface, dense_basis
+from ..core.surface.template import Template
 from ..core.texture.bake import Texture
+from ..core.texture.head import head_picture
 
 RESOLUTION = 512
 # Relative difference between photo and surface that gets the last colour.
@@ -106,6 +108,13 @@ def painted(pixels: NDArray[np.uint8], outline_uv: Array, legend: str = "") -> M
     """A `Map` of an (h, w, 3) picture whose row j is v_j, cut out at the outline."""
     rgba = np.dstack([pixels, inside(outline_uv, *pixels.shape[:2])])
     return Map(encode_png(np.ascontiguousarray(rgba[::-1])), legend)
+
+
+def head(png: bytes, template: Template) -> bytes:
+    """The picture of a head, from the packed file of a map."""
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    made = head_picture(picture[::-1, :, ::-1], template)
+    return encode_png(np.ascontiguousarray(made[::-1]))
 
 
 def inside(outline_uv: Array, height: int, width: int) -> NDArray[np.uint8]:

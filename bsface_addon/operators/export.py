@@ -92,6 +92,11 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
         description="The skin with the OBJ mesh and in glTF",
         default=True,
     )
+    head: BoolProperty(
+        name="Full Head",
+        description="The whole head instead of the face, in glTF and OBJ mesh",
+        default=False,
+    )
     density: DENSITY
     openings: OPENINGS
     keys: KEYS
@@ -122,6 +127,7 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
             trimmed=self.trimmed,
             tolerance=self.tolerance,
             name=face.name,
+            head=self.head,
             density=self.density.lower(),
             keys=self.keys,
             openings=self.openings,

@@ -10,7 +10,9 @@ from pathlib import Path
 from .._types import Array
 from ..errors import ReconstructionError
 from ..result import Reconstruction
+from ..rig.head import full_head
 from ..rig.mesh import quad_mesh
+from ..texture.head import head_texture
 from .exchange import ExchangeCurve
 from .face_file import load_face, save_face
 from .glb import write_glb
@@ -19,6 +21,7 @@ from .mesh import write_mesh_obj, write_mesh_ply
 from .obj import write_freeform_obj
 from .options import ExportOptions, Stamp
 from .printing import write_3mf, write_stl
+from .quad_obj import write_quads_obj
 from .rhino import write_3dm
 from .solid import solid
 from .step import write_step
@@ -56,7 +59,17 @@ def _freeform_obj(path: Path, face: Reconstruction, options: ExportOptions) -> P
     return write_freeform_obj(path, face.surface, outline, name)
 
 
+def _head_texture(face: Reconstruction, options: ExportOptions) -> bytes | None:
+    if options.texture is None:
+        return None
+    return head_texture(options.texture, face.template)
+
+
 def _obj(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    if options.head:
+        mesh = full_head(face, options.density, keys=False)
+        texture = _head_texture(face, options)
+        return write_quads_obj(path, mesh, _name(path, options), texture)
     return write_mesh_obj(
         path,
         face.surface,
@@ -73,6 +86,10 @@ def _ply(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
 
 
 def _glb(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    if options.head:
+        mesh = full_head(face, options.density, keys=options.keys)
+        texture = _head_texture(face, options)
+        return write_glb(path, mesh, _name(path, options), texture)
     mesh = quad_mesh(
         face,
         options.density,
@@ -109,6 +126,8 @@ WRITERS: dict[str, tuple[str, Writer]] = {
 
 #: Endings whose writers take ``tolerance`` in millimetres.
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".3mf")
+#: Endings whose writers can take the whole head.
+HEAD_ENDINGS = (".glb", ".obj")
 
 
 def ending(path: str | os.PathLike) -> str:
@@ -175,6 +194,7 @@ def export(
 
 
 __all__ = [
+    "HEAD_ENDINGS",
     "MESH_ENDINGS",
     "WRITERS",
     "ExchangeCurve",
@@ -192,6 +212,7 @@ __all__ = [
     "write_iges",
     "write_mesh_obj",
     "write_mesh_ply",
+    "write_quads_obj",
     "write_step",
     "write_stl",
 ]

@@ -38,7 +38,7 @@ def write_glb(
     path: str | os.PathLike,
     mesh: QuadMesh,
     name: str = "face",
-    texture: str | os.PathLike | None = None,
+    texture: str | os.PathLike | bytes | None = None,
 ) -> Path:
     """Write a quad mesh as ``.glb``.
 
@@ -48,8 +48,9 @@ def write_glb(
     mesh : QuadMesh
     name : str
         Name of node and mesh.
-    texture : path, optional
-        PNG or JPEG picture of the skin over (u, v), row 0 at v = 0; embedded as it is.
+    texture : path or bytes, optional
+        PNG or JPEG picture of the skin over the mesh's ``uv``, row 0 at v = 0; embedded
+        as it is.
 
     Raises
     ------
@@ -156,7 +157,7 @@ class _File:
 
 
 def glb_bytes(
-    mesh: QuadMesh, name: str = "face", texture: str | os.PathLike | None = None
+    mesh: QuadMesh, name: str = "face", texture: str | os.PathLike | bytes | None = None
 ) -> bytes:
     """The bytes of the file; parameters as in :func:`write_glb`."""
     file = _File(
@@ -235,7 +236,7 @@ class _Piece:
 
 
 def _material(
-    file: _File, part: int, texture: str | os.PathLike | None
+    file: _File, part: int, texture: str | os.PathLike | bytes | None
 ) -> dict[str, Any]:
     name = PARTS[part]
     surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.55}

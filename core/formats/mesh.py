@@ -330,8 +330,13 @@ def write_mesh_obj(
     return write_text(path, "\n".join([*lines, ""]))
 
 
-def read_texture(path: str | os.PathLike) -> tuple[bytes, str]:
+def read_texture(path: str | os.PathLike | bytes) -> tuple[bytes, str]:
     """Content of a PNG or JPEG picture and its ending, ".png" or ".jpg".
+
+    Parameters
+    ----------
+    path : path-like or bytes
+        A file, or its content.
 
     Raises
     ------
@@ -339,7 +344,7 @@ def read_texture(path: str | os.PathLike) -> tuple[bytes, str]:
         When it cannot be read or is something else.
     """
     try:
-        content = Path(path).read_bytes()
+        content = path if isinstance(path, bytes) else Path(path).read_bytes()
     except OSError as error:
         raise ReconstructionError(
             f"{path}: the texture cannot be read ({error.strerror}); "

@@ -28,8 +28,10 @@ class ExportOptions:
         Name of the object in the file; by default the file's own.
     texture : path, optional
         A PNG or JPEG picture over (u, v), row 0 at v = 0: ``.obj``, ``.glb``.
+    head : bool
+        The whole head instead of the face: ``.glb``, and ``.obj`` as quads.
     density : str
-        "low", "medium" or "high", of the quads in ``.glb``.
+        "low", "medium" or "high", of the quads in ``.glb`` and of the head.
     keys : bool
         The ARKit keys in ``.glb``.
     openings : bool
@@ -48,6 +50,7 @@ class ExportOptions:
     tolerance: float = 0.25
     name: str | None = None
     texture: str | os.PathLike | None = None
+    head: bool = False
     density: str = "medium"
     keys: bool = True
     openings: bool = True
