@@ -95,4 +95,6 @@ def cotangent_laplacian(
     corner = points[triangles]
     across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     third = np.linalg.norm(across, axis=1) / 12
-    return L, np.bincount(triangles.ravel(), np.repeat(third, 3), count)
+    area = np.zeros(count)
+    np.add.at(area, triangles.ravel(), np.repeat(third, 3))
+    return L, area

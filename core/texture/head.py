@@ -18,7 +18,7 @@ from ..errors import ReconstructionError
 from ..rig.base_head import SQUARE, face_region
 from ..surface.template import Template
 
-Picture = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+Picture = npt.NDArray  # uint8 or uint16
 
 #: Shares of the face, see `face_region`, between which the texture fades out.
 FADE = (0.72, 0.99)
