@@ -8,7 +8,7 @@ they are transparent.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -23,6 +23,7 @@ from ..core.surface.bspline import BSplineSurface, dense_basis
 from ..core.surface.template import Template
 from ..core.texture.bake import Texture
 from ..core.texture.head import head_picture
+from ..core.texture.detail import Detail, normal_picture
 
 RESOLUTION = 512
 # Relative difference between photo and surface that gets the last colour.
@@ -65,6 +66,8 @@ def all_maps(result: Reconstruction, texture: Texture | None = None) -> dict[str
         "NORMALS": normals(result.surface, outline),
     }
     residual = None
+    if texture is not None and texture.detail is not None:
+        found["DETAIL"] = detail_map(texture.detail)
     if texture is not None:
         found["SKIN"] = painted(to_picture(texture.albedo), outline)
         found["PHOTO"] = painted(to_picture(texture.mean), outline)
@@ -102,6 +105,14 @@ def normals(surface: BSplineSurface, outline_uv: Array) -> Map:
         outline_uv,
         "Red: to the picture's right, green: up, blue: to the camera",
     )
+
+
+def detail_map(detail: Detail) -> Map:
+    """The normal map for Blender's UVs, whose v runs down the face: green too."""
+    picture = normal_picture(
+        replace(detail, normals=detail.normals * np.array([1, -1, 1], np.float32)), 16
+    )
+    return Map(encode_png(np.ascontiguousarray(picture[::-1])))
 
 
 def painted(pixels: NDArray[np.uint8], outline_uv: Array, legend: str = "") -> Map:

@@ -43,6 +43,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--head", action="store_true", help="the whole head, in .glb and .obj"
     )
+    p.add_argument("--normals", metavar="PICTURE", help="normal map in .glb and .obj")
+    p.add_argument("--displacement", metavar="PICTURE", help="in .obj")
     p.add_argument("--author", default="", help="in .step and .iges")
     p.add_argument("--date", default=FIXED_DATE, help="in .step and .iges")
     p.add_argument(
@@ -82,6 +84,8 @@ def main(argv: Sequence[str]) -> int:
             name=args.name,
             texture=args.texture,
             head=args.head,
+            normals=args.normals,
+            displacement=args.displacement,
             thickness=args.thickness,
             author=args.author,
             date=args.date,

@@ -21,6 +21,7 @@ from ..report.report import report_files, write_report
 from ..result import Reconstruction
 from ..surface.template import load_template
 from ..texture.bake import bake_texture, write_texture
+from ..texture.detail import write_displacement, write_normals
 from ..threads import one_blas_thread, take_working_space
 from .arguments import check_head, check_outputs, parse_settings
 from .bar import Bar
@@ -187,9 +188,16 @@ def _textured(face: Reconstruction, outputs: Sequence[str]) -> Iterator[ExportOp
         yield ExportOptions()
         return
     with tempfile.TemporaryDirectory() as folder:
-        picture = Path(folder) / "texture.png"
-        write_texture(picture, bake_texture(face).mean)
-        yield ExportOptions(texture=picture)
+        names = ("texture.png", "normal.png", "displacement.png")
+        skin, normals, displacement = (Path(folder) / name for name in names)
+        texture = bake_texture(face)
+        write_texture(skin, texture.mean)
+        if texture.detail is None:
+            yield ExportOptions(texture=skin)
+            return
+        write_normals(normals, texture.detail)
+        write_displacement(displacement, texture.detail)
+        yield ExportOptions(texture=skin, normals=normals, displacement=displacement)
 
 
 def _failed(args: argparse.Namespace, bar: Bar | None, sentence: str) -> int:

@@ -77,6 +77,8 @@ def _obj(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
         _name(path, options),
         tolerance=options.tolerance,
         texture=options.texture,
+        normals=options.normals,
+        displacement=options.displacement,
     )
 
 
@@ -97,7 +99,7 @@ def _glb(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
         mouth=options.openings,
         keys=options.keys,
     )
-    return write_glb(path, mesh, _name(path, options), options.texture)
+    return write_glb(path, mesh, _name(path, options), options.texture, options.normals)
 
 
 def _solid(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
