@@ -34,6 +34,7 @@ class FileToWrite:
     face: StoredFace | None
     options: ExportOptions
     picture: bytes = b""
+    detail: bytes = b""
 
 
 def with_ending(path: str, kind: str) -> str:
@@ -52,7 +53,21 @@ def write(wanted: FileToWrite) -> Path:
         if wanted.picture:
             texture = write_map(Path(folder) / "texture.png", wanted.picture)
             options = replace(options, texture=texture)
+        if wanted.detail:
+            normals = write_detail(Path(folder) / "normal.png", wanted.detail)
+            options = replace(options, normals=normals)
         return export(wanted.path, wanted.face.read(), options=options)
+
+
+def write_detail(path: Path, png: bytes) -> Path:
+    """Write the packed normal map for UVs whose v runs up: rows and green turned."""
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    values = picture[::-1, :, ::-1] / 65535
+    values[..., 1] = 1 - values[..., 1]
+    # Half a step is rounded up, also where 16 bits have no middle.
+    return write_bytes(
+        path, encode_png(np.floor(values * 255 + 0.501).astype(np.uint8))
+    )
 
 
 def write_map(path: Path, png: bytes) -> Path:

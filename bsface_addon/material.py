@@ -104,7 +104,7 @@ def stored_kinds(face: bpy.types.Object) -> list[str]:
 
 def images(face: bpy.types.Object) -> list[bpy.types.Image]:
     """The images of all maps."""
-    found = (stored_map(face, kind) for kind in (*MAPS, "Plain"))
+    found = (stored_map(face, kind) for kind in (*MAPS, DETAIL, "Plain"))
     return [image for image in found if image is not None]
 
 

@@ -133,10 +133,14 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
             openings=self.openings,
             thickness=self.thickness,
         )
-        skin = material.stored_map(face, "SKIN")
-        packed = skin.packed_file if skin is not None else None
-        picture = packed.data if packed is not None and self.texture else b""
-        return FileToWrite(Path(path), face_file.stored(face), options, picture)
+        pictures = {}
+        if self.texture:
+            kinds = {"picture": "SKIN", "detail": material.DETAIL}
+            for use, kind in kinds.items():
+                image = material.stored_map(face, kind)
+                if image is not None and image.packed_file is not None:
+                    pictures[use] = image.packed_file.data
+        return FileToWrite(Path(path), face_file.stored(face), options, **pictures)
 
 
 class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):

@@ -300,8 +300,9 @@ def write_mesh_obj(
         A PNG or JPEG picture over (u, v). It is copied beside the OBJ under its name,
         and a material file ``.mtl`` refers to it.
     normals, displacement : path, optional
-        The same for a tangent-space normal map (``norm``) and a displacement
-        (``disp``); their names end in ``_normal`` and ``_displacement``.
+        The same for a tangent-space normal map (``norm``, and ``map_Bump`` for
+        Blender) and a displacement (``disp``); their names end in ``_normal`` and
+        ``_displacement``.
 
     Raises
     ------
@@ -328,6 +329,9 @@ def write_mesh_obj(
             content, ending = read_texture(source)
             picture = write_bytes(path.with_name(plain + end + ending), content)
             statements.append(f"{statement} {picture.name}")
+            if statement == "norm":
+                # What Blender writes and reads in its place.
+                statements.append(f"map_Bump -bm 1 {picture.name}")
         material = path.with_name(f"{plain}.mtl")
         write_text(material, "\n".join([*statements, ""]))
         lines.append(f"mtllib {material.name}")

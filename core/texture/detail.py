@@ -75,7 +75,7 @@ class Detail:
 
 
 @dataclass(frozen=True)
-class _Tangents:
+class Tangents:
     """Tangent plane at the texels.
 
     Attributes
@@ -94,6 +94,71 @@ class _Tangents:
     up: Picture
     length_u: float
     length_v: float
+
+
+@dataclass(frozen=True)
+class PhotoDetail:
+    """Detail in n photos, before it is told what of it is relief.
+
+    Attributes
+    ----------
+    delit : DelitPhotos
+    sources : list of (h, w, 3) float32 arrays
+        Linear cut-outs, blurred to ``size`` texels.
+    own : list of (C, C) float32 arrays
+        Coarse band of each photo's logarithm.
+    slopes : list of (C, C, 3) float32 arrays
+        See `Sky.slopes`.
+    tangents : Tangents
+    size : int
+        Texels a side.
+    """
+
+    delit: DelitPhotos
+    sources: list[Picture]
+    own: list[Picture]
+    slopes: list[Picture]
+    tangents: Tangents
+    size: int
+
+    @classmethod
+    def of(cls, reconstruction: Reconstruction, delit: DelitPhotos) -> PhotoDetail:
+        """At the size that the photos can fill."""
+        size = min(delit.size, delit.natural, LARGEST)
+        sources = delit.sources
+        if size < delit.size:
+            pairs = zip(reconstruction.photos, delit.views, strict=True)
+            sources = [prefiltered(photo, view, size) for photo, view in pairs]
+        surface = reconstruction.surface
+        sigma = _cut(surface, COARSE)
+        own = [
+            _blurred_over(np.log(np.maximum(c, _DARK)).mean(axis=2), w > 0, sigma)
+            for c, w in zip(delit.colours, delit.weight, strict=True)
+        ]
+        slopes = [delit.sky.slopes(c, COARSE) for c in delit.lights.coefficients]
+        return cls(delit, sources, own, slopes, tangents_of(surface, size), size)
+
+    def rows(self, rows: slice) -> tuple[Picture, Picture, Picture]:
+        """``d`` (n, r, S), ``h`` (n, r, S, 2) and weights (n, r, S) of some rows."""
+        delit, size, tangents = self.delit, self.size, self.tangents
+        usual = np.percentile(delit.weight[delit.weight > 0], 90)
+        shape = len(delit.views), rows.stop - rows.start, size
+        d, weight = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        h = np.zeros((*shape, 2), np.float32)
+        for i, view in enumerate(delit.views):
+            # Neighbouring texels of one pixel say the same: they share its weight.
+            share = min((view.resolution / size) ** 2, 1.0) / usual
+            weight[i] = share * np.maximum(resized(delit.weight[i], size, rows), 0)
+            if not weight[i].any():
+                continue
+            colours = sample(self.sources[i], resized(view.xy, size, rows))
+            shading = resized(delit.shading[i], size, rows)
+            colours = np.maximum(colours, _DARK) / np.maximum(shading, 1e-6)
+            d[i] = np.log(colours).mean(axis=2) - resized(self.own[i], size, rows)
+            slope = resized(self.slopes[i], size, rows)
+            for k, dual in enumerate((tangents.dual_u, tangents.dual_v)):
+                h[i, ..., k] = -np.einsum("vuc,vuc->vu", slope, dual[rows])
+        return d, h, weight
 
 
 def measure_detail(
@@ -115,10 +180,9 @@ def measure_detail(
     check_cancelled : callable
         Called now and then; may raise `Cancelled`.
     """
-    size = min(delit.size, delit.natural, LARGEST)
-    surface = reconstruction.surface
-    tangents = _tangents(surface, size)
-    evidence = _evidence(reconstruction, delit, tangents, size, check_cancelled)
+    seen = PhotoDetail.of(reconstruction, delit)
+    surface, tangents, size = reconstruction.surface, seen.tangents, seen.size
+    evidence = _evidence(seen, check_cancelled)
     lengths = tangents.length_u, tangents.length_v
     height = solve_height(evidence, lengths, check_cancelled)
     sigma = _cut(surface, size)
@@ -129,7 +193,7 @@ def measure_detail(
     return Detail(height, tangent_normals(height, tangents))
 
 
-def tangent_normals(height: Picture, tangents: _Tangents) -> Picture:
+def tangent_normals(height: Picture, tangents: Tangents) -> Picture:
     """Normals of a displaced surface in its tangent space, (S, S, 3)."""
     size = len(height)
     z_v, z_u = (size * g for g in np.gradient(height))
@@ -168,7 +232,7 @@ def _quantised(values: Picture, depth: int) -> npt.NDArray:
     return np.clip(np.floor(values * top + 0.5), 0, top).astype(kind)
 
 
-def _tangents(surface: BSplineSurface, size: int) -> _Tangents:
+def tangents_of(surface: BSplineSurface, size: int) -> Tangents:
     at = texel_centres(size)
     m, n = surface.shape
     along_u = [dense_basis(m, at, k) for k in (0, 1)]
@@ -182,7 +246,7 @@ def _tangents(surface: BSplineSurface, size: int) -> _Tangents:
     tangent = F_u / np.maximum(np.sqrt(E), 1e-9)[..., None]
     normal = np.cross(F_v, F_u)
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-9)
-    return _Tangents(
+    return Tangents(
         dual_u=((G[..., None] * F_u - F[..., None] * F_v) / area).astype(np.float32),
         dual_v=((E[..., None] * F_v - F[..., None] * F_u) / area).astype(np.float32),
         tangent=tangent.astype(np.float32),
@@ -198,50 +262,13 @@ def _cut(surface: BSplineSurface, size: int) -> tuple[float, float]:
     return _CUT * size / (m - 3), _CUT * size / (n - 3)
 
 
-def _evidence(
-    reconstruction: Reconstruction,
-    delit: DelitPhotos,
-    tangents: _Tangents,
-    size: int,
-    check_cancelled: CheckCancelled,
-) -> SlopeEvidence:
+def _evidence(seen: PhotoDetail, check_cancelled: CheckCancelled) -> SlopeEvidence:
     """What the photos say about the slopes of each texel."""
-    views = delit.views
-    sources = delit.sources
-    if size < delit.size:
-        pairs = zip(reconstruction.photos, views, strict=True)
-        sources = [prefiltered(photo, view, size) for photo, view in pairs]
-    sigma = _cut(reconstruction.surface, COARSE)
-    own = [
-        _blurred_over(np.log(np.maximum(c, _DARK)).mean(axis=2), w > 0, sigma)
-        for c, w in zip(delit.colours, delit.weight, strict=True)
-    ]
-    slopes = [delit.sky.slopes(c, COARSE) for c in delit.lights.coefficients]
-    # Neighbouring texels of one pixel say the same: they share its weight.
-    share = [min((view.resolution / size) ** 2, 1.0) for view in views]
-    usual = np.percentile(delit.weight[delit.weight > 0], 90)
-    found = SlopeEvidence.empty(size)
-    for start in range(0, size, _TILE):
-        rows = slice(start, min(start + _TILE, size))
+    found = SlopeEvidence.empty(seen.size)
+    for start in range(0, seen.size, _TILE):
+        rows = slice(start, min(start + _TILE, seen.size))
         check_cancelled()
-        d, h, weight = [], [], []
-        for i, view in enumerate(views):
-            w = np.maximum(resized(delit.weight[i], size, rows), 0)
-            w = (share[i] / usual) * w
-            if not w.any():
-                continue
-            colours = sample(sources[i], resized(view.xy, size, rows))
-            shading = resized(delit.shading[i], size, rows)
-            colours = np.maximum(colours, _DARK) / np.maximum(shading, 1e-6)
-            d.append(np.log(colours).mean(axis=2) - resized(own[i], size, rows))
-            slope = resized(slopes[i], size, rows)
-            h_u = -np.einsum("vuc,vuc->vu", slope, tangents.dual_u[rows])
-            h_v = -np.einsum("vuc,vuc->vu", slope, tangents.dual_v[rows])
-            h.append(np.stack([h_u, h_v], axis=-1))
-            weight.append(w)
-        if d:
-            parts = np.stack(d), np.stack(h), np.stack(weight)
-            found.put(rows, *slope_equations(*parts))
+        found.put(rows, *slope_equations(*seen.rows(rows)))
     return found.weighed(_LEAST_NOISE)
 
 
@@ -303,7 +330,7 @@ def _blurred_over(
     return np.where(total > 1e-3, blurred / np.maximum(total, 1e-3), picture)
 
 
-def _skin_fade(template: Template, tangents: _Tangents, size: int) -> Picture:
+def _skin_fade(template: Template, tangents: Tangents, size: int) -> Picture:
     """1 on the skin of the face, falling to 0 at eyes, nostrils, lips' gap, outline."""
     at = texel_centres(size)
     uv = np.stack(np.meshgrid(at, at), axis=-1)

@@ -159,7 +159,7 @@ def test_eyes_and_nostrils_have_no_detail(rippled, found):
 def test_tangent_space_is_that_of_the_displaced_surface():
     surface = face_surface()
     u, v = texels(SIZE)
-    tangents = texture_detail._tangents(surface, SIZE)
+    tangents = texture_detail.tangents_of(surface, SIZE)
     normals = tangent_normals(ripples(u, v).astype(np.float32), tangents)
     true = displaced_normals(surface, ripples, u, v)
     inner = slice(4, -4), slice(4, -4)
@@ -170,7 +170,7 @@ def dome():
     """A detail with one bump of 1 mm in the middle of a flat patch."""
     u, v = texels(SIZE)
     height = np.exp(-((u - 0.5) ** 2 + (v - 0.5) ** 2) / 0.004)
-    tangents = texture_detail._tangents(face_surface(nose=0), SIZE)
+    tangents = texture_detail.tangents_of(face_surface(nose=0), SIZE)
     height = height.astype(np.float32)
     return Detail(height, tangent_normals(height, tangents))
 

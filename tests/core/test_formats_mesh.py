@@ -88,7 +88,8 @@ def test_obj_holds_the_mesh_with_texture_coordinates(tmp_path, surface):
         out / "bent.obj", surface, normals=picture, displacement=picture
     )
     text = (out / "bent.mtl").read_text()
-    assert "norm bent_normal.png\ndisp bent_displacement.png\n" in text
+    assert "norm bent_normal.png\nmap_Bump -bm 1 bent_normal.png\n" in text
+    assert "disp bent_displacement.png\n" in text
     assert "map_Kd" not in text
     assert (out / "bent_normal.png").read_bytes() == picture.read_bytes()
     assert (out / "bent_displacement.png").read_bytes() == picture.read_bytes()
