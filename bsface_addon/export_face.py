@@ -28,6 +28,8 @@ class FileToWrite:
     options : ExportOptions
     picture : bytes
         Packed file of the map on the surface; empty for none.
+    detail : bytes
+        The same of the normal map.
     """
 
     path: Path
@@ -66,7 +68,7 @@ def write_detail(path: Path, png: bytes) -> Path:
     values[..., 1] = 1 - values[..., 1]
     # Half a step is rounded up, also where 16 bits have no middle.
     return write_bytes(
-        path, encode_png(np.floor(values * 255 + 0.501).astype(np.uint8))
+        path, encode_png(np.floor(values * 255 + 0.503).astype(np.uint8))
     )
 
 
