@@ -158,6 +158,8 @@ def left_out(face: Reconstruction, delit: DelitPhotos) -> tuple[float, float]:
         total += counts.sum()
         without += (counts * np.minimum(np.abs(flat[left]), LARGEST) ** 2).sum()
         with_map += (counts * np.minimum(np.abs(bent[left]), LARGEST) ** 2).sum()
+    if not total:  # too few photos for any detail
+        return float("nan"), float("nan")
     return float(np.sqrt(without / total)), float(np.sqrt(with_map / total))
 
 

@@ -22,8 +22,8 @@ from ..core.result import Reconstruction
 from ..core.surface.bspline import BSplineSurface, dense_basis
 from ..core.surface.template import Template
 from ..core.texture.bake import Texture
-from ..core.texture.head import head_picture
 from ..core.texture.detail import Detail, normal_picture
+from ..core.texture.head import head_picture
 
 RESOLUTION = 512
 # Relative difference between photo and surface that gets the last colour.

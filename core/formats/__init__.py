@@ -12,7 +12,7 @@ from ..errors import ReconstructionError
 from ..result import Reconstruction
 from ..rig.head import full_head
 from ..rig.mesh import quad_mesh
-from ..texture.head import head_texture
+from ..texture.head import FLAT, head_texture
 from .exchange import ExchangeCurve
 from .face_file import load_face, save_face
 from .glb import write_glb
@@ -90,8 +90,10 @@ def _ply(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
 def _glb(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
     if options.head:
         mesh = full_head(face, options.density, keys=options.keys)
-        texture = _head_texture(face, options)
-        return write_glb(path, mesh, _name(path, options), texture)
+        texture, normals = _head_texture(face, options), None
+        if options.normals is not None:
+            normals = head_texture(options.normals, face.template, FLAT)
+        return write_glb(path, mesh, _name(path, options), texture, normals)
     mesh = quad_mesh(
         face,
         options.density,

@@ -47,6 +47,7 @@ _TILE = 64  # rows at a time
 _CUT = 0.5
 _SCALE = 0.08  # Cauchy scale of d_i, relative intensities
 _LEAST_NOISE = 0.01  # smallest standard deviation of d_i
+_FEWEST = 4.5  # photos, counted by their weights, that a texel needs
 _DARK = 2e-3  # linear intensity below which a pixel says nothing
 #: Millimetres from eyes, nostrils and lips' gap within which the detail fades.
 _FADE_MM = 3.0
@@ -312,8 +313,8 @@ def slope_equations(
         # Of as many photos as count, three numbers are fitted.
         count = 1 / np.maximum((part**2).sum(axis=0), 1e-12)
         spread = (part * rest**2).sum(axis=0)
-        free = np.maximum(count - 3, 0)
-        noise = np.where(free > 0.5, spread * count / np.maximum(free, 0.5), np.inf)
+        enough = count > _FEWEST
+        noise = np.where(enough, spread * count / np.maximum(count - 3, 1), np.inf)
         robust = weight / (1 + (rest / _SCALE) ** 2)
     return A, b, noise
 

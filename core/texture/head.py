@@ -24,6 +24,9 @@ Picture = npt.NDArray  # uint8 or uint16
 FADE = (0.72, 0.99)
 #: Shares between which the skin colour is measured: not lips and nose, not the hair.
 MEASURED = (0.45, 0.80)
+#: The colour of an 8-bit normal map where it turns nothing. The head's picture has the
+#: directions of the face's (u, v), so the map stays right in it.
+FLAT = (128, 128, 255)
 #: The side of a texture is a multiple of this, so that the square has whole texels.
 _EVEN = 8
 #: Share of the picture over which the colour of the rim goes on, and the texels a side
@@ -96,7 +99,9 @@ def _skin_around(
     return plain + cv2.resize(small, (whole, whole), interpolation=cv2.INTER_CUBIC)
 
 
-def head_texture(path: str | os.PathLike, template: Template) -> bytes:
+def head_texture(
+    path: str | os.PathLike, template: Template, plain: npt.ArrayLike | None = None
+) -> bytes:
     """The head's picture of a texture file over (u, v), as PNG.
 
     Parameters
@@ -104,6 +109,8 @@ def head_texture(path: str | os.PathLike, template: Template) -> bytes:
     path : path-like
         PNG or JPEG, 8 or 16 bits, row 0 at v = 0.
     template : Template
+    plain : (3,), optional
+        Colour of the rest of the head in 8 bits; `FLAT` for a normal map.
 
     Raises
     ------
@@ -120,4 +127,6 @@ def head_texture(path: str | os.PathLike, template: Template) -> bytes:
         raise ReconstructionError(
             f"{path}: the texture cannot be read; give a PNG or JPEG picture."
         )
-    return encode_png(head_picture(found[..., ::-1], template))
+    if plain is not None:
+        plain = np.asarray(plain, float) * (np.iinfo(found.dtype).max / 255)
+    return encode_png(head_picture(found[..., ::-1], template, plain))

@@ -85,7 +85,7 @@ def test_photos_of_one_light_and_too_few_photos_tell_nothing():
     A, b, _ = slope_equations(d, alike, np.ones(d.shape))
     np.testing.assert_allclose(A, 0, atol=1e-12)
     np.testing.assert_allclose(b, 0, atol=1e-12)
-    for count in (1, 2, 3):
+    for count in (1, 2, 3, 4):
         h = rng.normal(size=(count, 6, 6, 2))
         noise = slope_equations(d[:count], h, np.ones((count, 6, 6)))[2]
         assert np.isinf(noise).all()

@@ -8,7 +8,7 @@ from bsface.drawing.render import read_picture
 from bsface.errors import ReconstructionError
 from bsface.rig.base_head import SQUARE, base_head, face_region
 from bsface.surface.template import load_template
-from bsface.texture.head import FADE, head_picture, head_texture
+from bsface.texture.head import FADE, FLAT, head_picture, head_texture
 
 SKIN = (190, 150, 120)
 
@@ -90,6 +90,12 @@ def test_texture_files(tmp_path):
     content = np.frombuffer(head_texture(path, template), np.uint8)
     made = cv2.imdecode(content, cv2.IMREAD_COLOR)[..., ::-1]
     np.testing.assert_array_equal(made, head_picture(picture, template))
+    for kind, depth in ((np.uint8, 255), (np.uint16, 65535)):
+        flat = np.round(np.full((64, 64, 3), FLAT) * (depth / 255)).astype(kind)
+        path = write_png(tmp_path / "normal.png", flat)
+        content = np.frombuffer(head_texture(path, template, FLAT), np.uint8)
+        made = cv2.imdecode(content, cv2.IMREAD_UNCHANGED)[..., ::-1]
+        assert made.dtype == kind and (made == flat[0, 0]).all()
     (tmp_path / "text.png").write_text("no picture")
     for name in ("text.png", "none.png", "."):
         with pytest.raises(ReconstructionError, match="give a PNG or JPEG"):
