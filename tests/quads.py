@@ -27,8 +27,9 @@ def directed_edges(quads):
 def borders(quads):
     """Loops of edges with a quad on one side only."""
     edges = directed_edges(quads)
-    there = {tuple(e) for e in edges.tolist()}
-    following = {a: b for a, b in there if (b, a) not in there}
+    size = quads.max() + 1
+    one_way = ~np.isin(edges @ (size, 1), edges @ (1, size))
+    following = dict(edges[one_way].tolist())
     loops = []
     while following:
         start, at = next(iter(following.items()))

@@ -27,14 +27,27 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
-from build_template import WHEEL, face_patch, fetch_targets
+from build_template import (
+    WHEEL,
+    Morphs,
+    face_patch,
+    fetch_targets,
+    sample_identities,
+)
 from parametrise import folded, mean_value_weights
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-from core.rig.base_head import HALF, MIDDLE, POWER, SQUARE, face_region  # noqa: E402
+from core.rig.base_head import (  # noqa: E402
+    HALF,
+    MIDDLE,
+    POWER,
+    SQUARE,
+    base_head,
+    face_region,
+)
 
 STEP = 0.01  # mm: places are stored in these steps
 INSET = 0.004  # of the neck's edge from the border of the picture
@@ -317,12 +330,68 @@ def ear_vertices(quads, base, targets) -> np.ndarray:
     return np.flatnonzero(moved)
 
 
+def measure(source: Path, targets: Path | None, count: int) -> None:
+    """Print how far heads lie from those that random MakeHuman identities have.
+
+    Each is continued from its own face in the part that is sure and its rim.
+    """
+    from core.rig.continuation import Continuation
+    from core.rig.head import SHAPE_REACH, SURE, surface_weight
+    from core.surface.alignment import fit_similarity
+
+    head = np.load(source / "mean_head.npz", allow_pickle=False)
+    quads = head_quads(head)
+    order, new = np.unique(quads), np.full(len(head["vertices"]), -1)
+    new[order] = np.arange(len(order))
+    tri = new[np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])]
+    morphs = Morphs(fetch_targets(targets), head["base_vertex_index"][order], tri)
+    base = base_head()
+    region = face_region(base.uv)
+    weight = surface_weight(region)
+    sure, seen = region <= SURE, region <= 1
+    rest = np.isnan(region) & (np.arange(len(region))[:, None] != base.ears).all(1)
+    rest &= (base.points[:, 2] < 0) | (np.abs(base.points[:, 0]) > 20)  # no nostrils
+    places = {
+        "rim": seen & ~sure,
+        "ears": ~rest & ~seen & (base.points[:, 2] < 0),
+        "scalp": rest & (base.points[:, 1] > -60),
+        "neck": rest & (base.points[:, 1] <= -60),
+    }
+    ways = {"similarity only": None}
+    for reach in sorted({SHAPE_REACH / 4, SHAPE_REACH / 2, SHAPE_REACH, 320.0}):
+        ways[f"reach {reach:.0f} mm"] = Continuation(
+            base.points, base.quads, weight, reach
+        )
+    squares = {way: {place: [] for place in places} for way in ways}
+    rng = np.random.default_rng(5)
+    for moved in sample_identities(morphs, rng, count):
+        true = base.points + moved
+        placed = fit_similarity(base.points[sure], true[sure])
+        back = (true - placed.t) @ placed.R / placed.scale - base.points
+        for way, carry in ways.items():
+            given = np.where(seen[:, None], back, 0.0)
+            made = base.points + (0.0 if carry is None else carry(given))
+            off = ((placed(made) - true) ** 2).sum(axis=1)
+            for place, where in places.items():
+                squares[way][place].append(off[where].mean())
+    print(f"RMS distance in mm, {count} random identities")
+    print(f"{'':18}" + "".join(f"{place:>8}" for place in places))
+    for way, found in squares.items():
+        row = "".join(f"{np.sqrt(np.mean(x)):8.1f}" for x in found.values())
+        print(f"{way:18}{row}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--source", type=Path, required=True)
     parser.add_argument("--targets", type=Path, help=f"a copy of {WHEEL}")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "core/data")
+    parser.add_argument(
+        "--measure", type=int, metavar="N", help="compare with N random heads instead"
+    )
     a = parser.parse_args()
+    if a.measure:
+        return measure(a.source, a.targets, a.measure)
     arrays = build(a.source, a.targets)
     np.savez_compressed(a.output / "head.npz", **arrays)
     size = (a.output / "head.npz").stat().st_size

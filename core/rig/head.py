@@ -22,6 +22,7 @@ from .base_head import BaseHead, base_head, face_region
 from .continuation import Continuation
 from .mesh import (
     DENSITIES,
+    SIDES,
     QuadMesh,
     Skin,
     SurfaceSkin,
@@ -34,8 +35,9 @@ from .mesh import (
 SURE = 0.80
 #: Length in mm over which the surface draws the skin next to the sure part.
 DRAW = 8.0
-#: mm over which the shape of the face, and the movement of a key, fade out.
-SHAPE_REACH, KEY_REACH = 80.0, 18.0
+#: mm over which the shape of the face, and the movement of a key, fade out; the first
+#: by `tools/build_head.py --measure`.
+SHAPE_REACH, KEY_REACH = 160.0, 18.0
 #: Vertices that a key moves by less, mm, do not move.
 STILL = 0.02
 #: Height of the lower end of the skull above the origin, mm, of the average head.
@@ -86,7 +88,7 @@ def full_head(face: Face, density: str = "medium", *, keys: bool = True) -> Quad
 
     @lru_cache
     def carry(reach: float) -> Continuation:
-        return Continuation(base.points, base.quads, _weight(region), reach)
+        return Continuation(base.points, base.quads, surface_weight(region), reach)
 
     back = (sheet.points - placed.t) @ placed.R / placed.scale
     points = placed(base.points + continued(back - base.points[seen], SHAPE_REACH))
@@ -107,13 +109,17 @@ def full_head(face: Face, density: str = "medium", *, keys: bool = True) -> Quad
         groups=_groups(base, region, units),
         lids=base.lids,
         lips=(base.lip_upper, base.lip_lower),
+        blinks=tuple(
+            sheet.movement(f"eyeBlink{side}")[np.searchsorted(seen, loop)]
+            for side, loop in zip(SIDES, base.lids, strict=True)
+        ),
         movement=movement,
     )
     eye_distance = feature_sizes(face.surface, units)["eyes"]
     return furnished(skin, units, eye_distance, DENSITIES[density][2], keys)
 
 
-def _weight(region: Array) -> Array:
+def surface_weight(region: Array) -> Array:
     """What `Continuation` reads: the surface holds, then counts less, then nothing."""
     fade = np.clip((1 - region) / (1 - SURE), 0, 1)
     weight = np.where(region <= SURE, np.inf, fade**2 * DRAW**-4)

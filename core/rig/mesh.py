@@ -110,16 +110,21 @@ def quad_mesh(
     lip_side = grid.side[-1] if mouth else np.zeros(len(grid.uv))
     sheet = SurfaceSkin(face, units, grid.uv, lip_side)
     groups = regions(grid.uv, units)
+    lids = tuple(
+        np.concatenate([upper, lower[-2:0:-1]])
+        for upper, lower in grid.banks[: 2 * eyes]
+    )
     skin = Skin(
         points=sheet.points,
         quads=grid.quads,
         uv=grid.uv,
         groups=divided_lips(groups, lip_side) if mouth else groups,
-        lids=tuple(
-            np.concatenate([upper, lower[-2:0:-1]])
-            for upper, lower in grid.banks[: 2 * eyes]
-        ),
+        lids=lids,
         lips=grid.banks[-1] if mouth else None,
+        blinks=tuple(
+            sheet.movement(f"eyeBlink{side}")[loop]
+            for side, loop in zip(SIDES, lids, strict=False)
+        ),
         movement=sheet.movement,
     )
     eye_distance = feature_sizes(face.surface, units)["eyes"]
@@ -176,6 +181,8 @@ class Skin:
     lips : two int arrays, optional
         Vertices of the upper and the lower lip, from the subject's right corner to the
         left.
+    blinks : tuple of (k, 3) arrays
+        Displacements of the lid margins to the closed eye.
     movement : callable
         Displacement of its vertices at full strength of a key.
     """
@@ -186,6 +193,7 @@ class Skin:
     groups: Mapping[str, Indices]
     lids: tuple[Indices, ...]
     lips: tuple[Indices, Indices] | None
+    blinks: tuple[Array, ...]
     movement: Callable[[str], Array]
 
 
@@ -237,8 +245,7 @@ class _Builder:
 
     def add_eye(self, k: int, loop: Indices, cells: int) -> None:
         lids = self.skin.points[loop]
-        blink = self.skin.movement(f"eyeBlink{SIDES[k]}")
-        ball = fit_eyeball(lids, blink[loop], self.eye_distance)
+        ball = fit_eyeball(lids, self.skin.blinks[k], self.eye_distance)
         pocket = lid_rim(lids, ball)
         table = np.concatenate([loop, self.count + np.arange(len(pocket.points))])
         uv = np.tile(self.skin.uv[loop], (len(pocket.points) // len(loop), 1))

@@ -289,6 +289,14 @@ def test_export_writes_the_edited_surface(face, tmp_path, kind):
     assert len(list(tmp_path.glob("ann*"))) == 1
 
 
+def test_export_of_the_head(face, tmp_path):
+    for name, head in (("face", False), ("head", True)):
+        path = str(tmp_path / f"{name}.obj")
+        bpy.ops.bsface.export(filepath=path, head=head, density="LOW")
+    eyes = ["usemtl eyes" in p.read_text() for p in sorted(tmp_path.glob("*.obj"))]
+    assert eyes == [False, True]
+
+
 def test_face_file_has_the_control_points_of_the_object(face, tmp_path):
     b = points(face)
     b[2, 3] += (4, 5, 6)
