@@ -13,6 +13,8 @@ from ..core.drawing.pictures import encode_png
 from ..core.files import write_bytes
 from ..core.formats import ending, export
 from ..core.formats.options import ExportOptions
+from ..core.rig.mesh import quad_mesh
+from . import fbx_file
 from .face_file import StoredFace
 
 
@@ -28,17 +30,20 @@ class FileToWrite:
     options : ExportOptions
     picture : bytes
         Packed file of the map on the surface; empty for none.
+    blender : tuple of str
+        See `fbx_file.program`; for FBX files.
     """
 
     path: Path
     face: StoredFace | None
     options: ExportOptions
     picture: bytes = b""
+    blender: tuple[str, ...] = ()
 
 
 def with_ending(path: str, kind: str) -> str:
     """The path with the ending of a format in place of another format's."""
-    found = ending(path)
+    found = _ending(path)
     stem = path[: -len(found)] if found else path
     return f"{stem}{kind}"
 
@@ -52,7 +57,26 @@ def write(wanted: FileToWrite) -> Path:
         if wanted.picture:
             texture = write_map(Path(folder) / "texture.png", wanted.picture)
             options = replace(options, texture=texture)
+        if _ending(str(wanted.path)) == fbx_file.ENDING:
+            return _write_fbx(wanted, options)
         return export(wanted.path, wanted.face.read(), options=options)
+
+
+def _ending(path: str) -> str:
+    return fbx_file.ENDING if path.lower().endswith(fbx_file.ENDING) else ending(path)
+
+
+def _write_fbx(wanted: FileToWrite, options: ExportOptions) -> Path:
+    mesh = quad_mesh(
+        wanted.face.read(),
+        options.density,
+        eyes=options.openings,
+        mouth=options.openings,
+        keys=options.keys,
+    )
+    return fbx_file.write_fbx(
+        wanted.path, mesh, options.name, wanted.blender, options.texture
+    )
 
 
 def write_map(path: Path, png: bytes) -> Path:

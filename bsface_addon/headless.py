@@ -157,7 +157,7 @@ def export(options):
     from ..core.errors import ReconstructionError
     from ..core.formats import export as write
     from ..core.formats.options import ExportOptions
-    from . import export_face, face_file, scene
+    from . import export_face, face_file, fbx_file, scene
 
     path, target = _existing(options.file), Path(options.out)
     trimmed = not options.untrimmed
@@ -180,6 +180,7 @@ def export(options):
         target,
         face_file.stored(found[name]),
         ExportOptions(trimmed=trimmed, tolerance=options.tolerance, name=name),
+        blender=fbx_file.program(bpy.app.binary_path),
     )
     return _wrote(export_face.write(wanted))
 

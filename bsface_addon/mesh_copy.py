@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import bpy
 import numpy as np
 
@@ -28,29 +31,79 @@ def add(face: bpy.types.Object, made: QuadMesh) -> bpy.types.Object:
     bpy.types.Object
         With vertex groups of the regions, and the keys as shape keys.
     """
-    mesh = bpy.data.meshes.new(f"{face.name} mesh")
-    local = surface_object.to_local(face, made.points)
-    _fill(mesh, local, made.quads)
-    layer = mesh.uv_layers.new(name="UVMap")
+    local = replace(
+        made,
+        points=surface_object.to_local(face, made.points),
+        keys={
+            name: surface_object.movement_to_local(face, moved)
+            for name, moved in made.keys.items()
+        },
+    )
     # As on the surface itself: v of the picture runs down from its bottom row.
-    layer.data.foreach_set("uv", made.uv[made.quads.ravel()].ravel())
-    used = sorted(set(made.part.tolist()))
-    for part in used:
-        mesh.materials.append(_material(face, PARTS[part]))
-    slot = np.searchsorted(used, made.part).astype(np.int32)
-    mesh.polygons.foreach_set("material_index", slot)
-    obj = bpy.data.objects.new(mesh.name, mesh)
+    obj = _object(f"{face.name} mesh", local)
+    skin = next(iter(face.data.materials), None)
+    for part in _parts(made):
+        obj.data.materials.append(skin if part == "skin" else _part_material(part))
     for collection in face.users_collection:
         collection.objects.link(obj)
     obj.matrix_world = face.matrix_world
-    for name, vertices in made.groups.items():
-        obj.vertex_groups.new(name=name).add(vertices.tolist(), 1.0, "REPLACE")
-    if made.keys:
+    return obj
+
+
+def stand_alone(name: str, made: QuadMesh, texture: Path | None) -> bpy.types.Object:
+    """Make a mesh object without a face, upright and in metres.
+
+    Parameters
+    ----------
+    texture : Path or None
+        Picture of the skin whose top row is v = 0.
+
+    Returns
+    -------
+    bpy.types.Object
+        As of `add`, but in no collection yet, and with v upwards.
+    """
+    metres = surface_object.METRES_PER_MM
+    local = replace(
+        made,
+        points=metres * surface_object.upright(made.points),
+        keys={n: metres * surface_object.upright(m) for n, m in made.keys.items()},
+        uv=np.stack([made.uv[:, 0], 1 - made.uv[:, 1]], 1),
+    )
+    obj = _object(name, local)
+    for part in _parts(made):
+        if part == "skin":
+            image = None if texture is None else bpy.data.images.load(str(texture))
+            material = _plain_material(f"{name} skin", image)
+        else:
+            material = _part_material(part)
+        obj.data.materials.append(material)
+    return obj
+
+
+def _parts(made: QuadMesh) -> list[str]:
+    """The parts that a mesh has, in the order of its material slots."""
+    return [PARTS[part] for part in sorted(set(made.part.tolist()))]
+
+
+def _object(name: str, local: QuadMesh) -> bpy.types.Object:
+    """An object of a mesh in its own coordinates, with groups and keys."""
+    mesh = bpy.data.meshes.new(name)
+    _fill(mesh, local.points, local.quads)
+    layer = mesh.uv_layers.new(name="UVMap")
+    layer.data.foreach_set("uv", local.uv[local.quads.ravel()].ravel())
+    used = sorted(set(local.part.tolist()))
+    slot = np.searchsorted(used, local.part).astype(np.int32)
+    mesh.polygons.foreach_set("material_index", slot)
+    obj = bpy.data.objects.new(name, mesh)
+    for region, vertices in local.groups.items():
+        obj.vertex_groups.new(name=region).add(vertices.tolist(), 1.0, "REPLACE")
+    if local.keys:
         obj.shape_key_add(name="Neutral", from_mix=False)
-    for name, moved in made.keys.items():
-        block = obj.shape_key_add(name=name, from_mix=False)
+    for key, moved in local.keys.items():
+        block = obj.shape_key_add(name=key, from_mix=False)
         block.value = 0.0  # since Blender 5 a new key is on
-        there = local + surface_object.movement_to_local(face, moved)
+        there = local.points + moved
         block.data.foreach_set("co", there.astype(np.float32).ravel())
     return obj
 
@@ -68,25 +121,39 @@ def _fill(mesh: bpy.types.Mesh, points: np.ndarray, quads: np.ndarray) -> None:
     mesh.validate()
 
 
-def _material(face: bpy.types.Object, part: str) -> bpy.types.Material | None:
-    """The face's own material for the skin; one each for eyes and mouths."""
-    if part == "skin":
-        return next(iter(face.data.materials), None)
+def _part_material(part: str) -> bpy.types.Material:
+    """The material of eyes or mouth; all faces share it."""
     name = f"BSface {part}"
     found = bpy.data.materials.get(name)
     if found is not None:
         return found
+    if part == "mouth":
+        material = _plain_material(name)
+        material.diffuse_color = MOUTH
+        _shader(material).inputs["Base Color"].default_value = MOUTH
+        return material
+    material = _plain_material(name, packed_image(name, encode_png(iris_picture())))
+    _shader(material).inputs["Roughness"].default_value = 0.1
+    return material
+
+
+def _plain_material(
+    name: str, image: bpy.types.Image | None = None
+) -> bpy.types.Material:
+    """Blender's own shader, coloured by a picture."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:
         material.use_nodes = True  # before Blender 5.0; deprecated since
-    nodes, links = material.node_tree.nodes, material.node_tree.links
-    shader = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
-    if part == "mouth":
-        material.diffuse_color = shader.inputs["Base Color"].default_value = MOUTH
-        return material
-    shader.inputs["Roughness"].default_value = 0.1
-    picture = nodes.new("ShaderNodeTexImage")
-    picture.image = packed_image(name, encode_png(iris_picture()))
-    links.new(picture.outputs["Color"], shader.inputs["Base Color"])
-    nodes.active = picture
+    if image is not None:
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        picture = nodes.new("ShaderNodeTexImage")
+        picture.image = image
+        shader = _shader(material)
+        links.new(picture.outputs["Color"], shader.inputs["Base Color"])
+        nodes.active = picture
     return material
+
+
+def _shader(material: bpy.types.Material) -> bpy.types.Node:
+    nodes = material.node_tree.nodes
+    return next(node for node in nodes if node.type == "BSDF_PRINCIPLED")

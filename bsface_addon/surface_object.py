@@ -56,7 +56,7 @@ def world_frame(obj: bpy.types.Object) -> Matrix:
 def to_local(obj: bpy.types.Object, xyz: Array) -> Array:
     """Points of the core, (..., 3) mm, in the object's own coordinates."""
     unit = obj.get(UNIT_KEY)
-    return xyz if unit is None else unit * _upright(xyz)
+    return xyz if unit is None else unit * upright(xyz)
 
 
 def from_local(obj: bpy.types.Object, xyz: Array) -> Array:
@@ -268,7 +268,7 @@ def _exists(obj: bpy.types.Object | None) -> bool:
         return False
 
 
-def _upright(xyz: Array) -> Array:
+def upright(xyz: Array) -> Array:
     """The core's axes -> Blender's."""
     return np.stack([xyz[..., 0], -xyz[..., 2], xyz[..., 1]], -1)
 
