@@ -122,7 +122,7 @@ def info(options):
     """``info FILE``: what a .blend, .npz holds."""
     import bpy
 
-    from . import scene, surface_object
+    from . import scene, stored_facts, surface_object
 
     path = _existing(options.file)
     if path.suffix.lower() == ".npz":
@@ -138,8 +138,8 @@ def info(options):
             _summary(
                 face.name,
                 surface_object.shape(face),
-                scene.stored(face, scene.REPORT, []),
-                scene.stored(face, scene.SETTINGS, {}),
+                scene.stored(face, stored_facts.REPORT, []),
+                scene.stored(face, stored_facts.SETTINGS, {}),
             )
             for face in bpy.data.objects
             if scene.is_face(face)

@@ -18,31 +18,40 @@ from .packed_image import packed_image
 MOUTH = (0.12, 0.02, 0.02, 1.0)
 
 
-def add(face: bpy.types.Object, made: QuadMesh) -> bpy.types.Object:
+def local_mesh(made: QuadMesh, unit: float | None) -> QuadMesh:
+    """A mesh in the coordinates of an object, ready for Blender; any thread may do it.
+
+    Parameters
+    ----------
+    unit : float or None
+        The object's units per millimetre, `surface_object.UNIT_KEY`.
+    """
+    points = surface_object.in_units(unit, made.points)
+    keys = {
+        name: (points + surface_object.in_units(unit, moved)).astype(np.float32)
+        for name, moved in made.keys.items()
+    }
+    return replace(made, points=points.astype(np.float32), keys=keys)
+
+
+def add(face: bpy.types.Object, local: QuadMesh) -> bpy.types.Object:
     """Make a mesh object at the face's place, with its material.
 
     Parameters
     ----------
     face : bpy.types.Object
-    made : QuadMesh
+    local : QuadMesh
+        See `local_mesh`; its keys are places, not movements.
 
     Returns
     -------
     bpy.types.Object
         With vertex groups of the regions, and the keys as shape keys.
     """
-    local = replace(
-        made,
-        points=surface_object.to_local(face, made.points),
-        keys={
-            name: surface_object.movement_to_local(face, moved)
-            for name, moved in made.keys.items()
-        },
-    )
     # As on the surface itself: v of the picture runs down from its bottom row.
     obj = _object(f"{face.name} mesh", local)
     skin = next(iter(face.data.materials), None)
-    for part in _parts(made):
+    for part in _parts(local):
         obj.data.materials.append(skin if part == "skin" else _part_material(part))
     for collection in face.users_collection:
         collection.objects.link(obj)
@@ -63,13 +72,9 @@ def stand_alone(name: str, made: QuadMesh, texture: Path | None) -> bpy.types.Ob
     bpy.types.Object
         As of `add`, but in no collection yet, and with v upwards.
     """
-    metres = surface_object.METRES_PER_MM
-    local = replace(
-        made,
-        points=metres * surface_object.upright(made.points),
-        keys={n: metres * surface_object.upright(m) for n, m in made.keys.items()},
-        uv=np.stack([made.uv[:, 0], 1 - made.uv[:, 1]], 1),
-    )
+    local = local_mesh(made, surface_object.METRES_PER_MM)
+    uv = np.stack([made.uv[:, 0], 1 - made.uv[:, 1]], 1)
+    local = replace(local, uv=uv)
     obj = _object(name, local)
     for part in _parts(made):
         if part == "skin":
@@ -100,18 +105,18 @@ def _object(name: str, local: QuadMesh) -> bpy.types.Object:
         obj.vertex_groups.new(name=region).add(vertices.tolist(), 1.0, "REPLACE")
     if local.keys:
         obj.shape_key_add(name="Neutral", from_mix=False)
-    for key, moved in local.keys.items():
+    for key, there in local.keys.items():
         block = obj.shape_key_add(name=key, from_mix=False)
         block.value = 0.0  # since Blender 5 a new key is on
-        there = local.points + moved
-        block.data.foreach_set("co", there.astype(np.float32).ravel())
+        # `points` is the same as `data`, but is written at once.
+        block.points.foreach_set("co", there.ravel())
     return obj
 
 
 def _fill(mesh: bpy.types.Mesh, points: np.ndarray, quads: np.ndarray) -> None:
     count = len(quads)
     mesh.vertices.add(len(points))
-    mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
+    mesh.vertices.foreach_set("co", points.ravel())
     mesh.loops.add(4 * count)
     mesh.loops.foreach_set("vertex_index", quads.astype(np.int32).ravel())
     mesh.polygons.add(count)

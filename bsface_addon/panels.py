@@ -18,6 +18,7 @@ from . import (
     session,
     settings_group,
     showing,
+    stored_facts,
     surface_object,
 )
 from .operators import export
@@ -118,7 +119,7 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
         across, down = surface_object.shape(face)
         text = f"{face.name}: {across} x {down} control points"
         layout.label(text=text, icon="OUTLINER_OB_SURFACE", translate=False)
-        facts = messages.quality(scene.stored(face, scene.QUALITY, {}))
+        facts = messages.quality(scene.stored(face, stored_facts.QUALITY, {}))
         if facts:
             paragraph(context, layout, facts)
         editing = face.mode == "EDIT"

@@ -38,12 +38,13 @@ KEYS = BoolProperty(
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A mesh of a face."""
+    """A mesh of a face, in an object with so many units per millimetre."""
 
     face: StoredFace
     density: str
     openings: bool
     keys: bool
+    unit: float | None
 
 
 class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operator):
@@ -58,18 +59,25 @@ class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operat
     keys: KEYS
 
     def prepare(self, context):
-        face = face_file.stored(scene.active_face(context))
-        return MeshRequest(face, self.density.lower(), self.openings, self.keys)
+        face = scene.active_face(context)
+        return MeshRequest(
+            face_file.stored(face),
+            self.density.lower(),
+            self.openings,
+            self.keys,
+            face.get(surface_object.UNIT_KEY),
+        )
 
     @staticmethod
     def work(solver, request, progress):
-        return quad_mesh(
+        made = quad_mesh(
             request.face.read(),
             request.density,
             eyes=request.openings,
             mouth=request.openings,
             keys=request.keys,
         )
+        return mesh_copy.local_mesh(made, request.unit)
 
     def deliver(self, context, request, outcome):
         face = scene.active_face(context)

@@ -163,7 +163,7 @@ def mixed(addon, tmp_path):
     mixtures = np.random.default_rng(0).normal(size=(3, count))
     mixtures[0] = 0
     result = faces.reconstruction(tmp_path / "photos", mixtures=mixtures)
-    face = scene.place(bpy.context, Outcome(result), "Ann")
+    face = scene.place(bpy.context, Outcome.of(result), "Ann")
     known_face = load("core.solve.known_face").known_face
     known = known_face(result.surface, template.resampled(result.surface.shape))
     return face, [known.with_expression(e) for e in mixtures]
@@ -214,7 +214,7 @@ def test_a_run_over_photos_that_agree_forgets_the_expressions(mixed, tmp_path):
     face, _ = mixed
     bpy.ops.bsface.view_photo(direction="NAMED", photo="2.png")
     result = faces.reconstruction(tmp_path / "photos")
-    scene.place(bpy.context, Outcome(result), "", face=face)
+    scene.place(bpy.context, Outcome.of(result), "", face=face)
     assert face.data.shape_keys is None and photo_expression.STORED not in face
 
 
