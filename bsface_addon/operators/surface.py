@@ -128,7 +128,6 @@ class BSFACE_OT_surface_resample(ChangingOperator, bpy.types.Operator):
         keys = face.data.shape_keys.key_blocks[1:] if face.data.shape_keys else []
         values = {key.name: key.value for key in keys}
         nets = [surface_object.read(face, name) for name in (None, *values)]
-        # All in one go: one by one, 52 keys take a moment too long.
         basis, *shapes = np.moveaxis(resampled_net(np.stack(nets, 2), count), 2, 0)
         with scene.all_or_nothing(context):
             surface_object.write(context, face, basis)

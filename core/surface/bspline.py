@@ -306,7 +306,6 @@ def resampled_net(control_points: Array, shape: tuple[int, int]) -> Array:
             continue
         x = np.linspace(0, 1, 12 * max(count, old) + 1)
         new = dense_basis(count, x)
-        value = np.tensordot(dense_basis(old, x), b, (1, axis))
-        solved = np.linalg.lstsq(new, value.reshape(len(x), -1), rcond=None)[0]
-        b = np.moveaxis(solved.reshape(count, *value.shape[1:]), 0, axis)
+        change = np.linalg.lstsq(new, dense_basis(old, x), rcond=None)[0]
+        b = np.moveaxis(np.tensordot(change, b, (1, axis)), 0, axis)
     return b
