@@ -14,6 +14,8 @@ from ..core.rig.mesh import PARTS, QuadMesh
 from . import surface_object
 from .packed_image import packed_image
 
+# On every object that the add-on makes.
+MARK = "bsface"
 # Inside of the mouth, linear.
 MOUTH = (0.12, 0.02, 0.02, 1.0)
 
@@ -50,6 +52,7 @@ def add(face: bpy.types.Object, local: QuadMesh) -> bpy.types.Object:
     """
     # As on the surface itself: v of the picture runs down from its bottom row.
     obj = _object(f"{face.name} mesh", local)
+    obj[MARK] = "mesh"
     skin = next(iter(face.data.materials), None)
     for part in _parts(local):
         obj.data.materials.append(skin if part == "skin" else _part_material(part))

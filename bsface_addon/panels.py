@@ -229,6 +229,18 @@ class BSFACE_PT_views(FacePanel, bpy.types.Panel):
                 paragraph(context, layout, messages.LIGHT_UNSEEN, icon="INFO")
 
 
+class BSFACE_UL_keys(bpy.types.UIList):
+    """One shape key a row: name and value."""
+
+    def draw_item(
+        self, context, layout, data, item, icon, active_data, active_property, index
+    ):
+        row = layout.split(factor=0.6)
+        row.prop(item, "name", text="", emboss=False, icon="SHAPEKEY_DATA")
+        if item != data.reference_key:
+            row.prop(item, "value", text="", slider=True, emboss=False)
+
+
 class BSFACE_PT_expressions(FacePanel, bpy.types.Panel):
     bl_label = "Expressions"
 
@@ -254,9 +266,9 @@ class BSFACE_PT_expressions(FacePanel, bpy.types.Panel):
         keys = scene.active_face(context).data.shape_keys
         if keys is not None:
             face = scene.active_face(context)
-            # Blender's own list, with its search.
+            # Blender's own list is not in every version; all lists have its search.
             layout.template_list(
-                "MESH_UL_shape_keys",
+                "BSFACE_UL_keys",
                 "bsface",
                 keys,
                 "key_blocks",
@@ -291,6 +303,7 @@ class BSFACE_PT_support(BSFacePanel, bpy.types.Panel):
 
 
 CLASSES = (
+    BSFACE_UL_keys,
     BSFACE_PT_reconstruct,
     BSFACE_PT_settings,
     BSFACE_PT_advanced,

@@ -331,7 +331,7 @@ def mask():
     call("mask_edit", "INVOKE_DEFAULT", photo=bpy.context.scene.camera["bsface_photo"])
 
 
-@step(8.0)
+@step(40.0)  # until the shaders are there
 def strokes():
     if running():
         return 0.5
@@ -352,7 +352,6 @@ def strokes():
                 "mouse_event": point,
                 "pressure": 1.0,
                 "size": 20.0,
-                "pen_flip": False,
                 "x_tilt": 0.0,
                 "y_tilt": 0.0,
                 "time": 0.0,
@@ -428,6 +427,7 @@ picture("artist_expressions", panels=("expressions",), what="panels")
 def all_photos():
     for row in state().photos:
         row.expression = ""
+    call("view_leave")
     with bpy.context.temp_override(**view()[1]):
         face = state().face
         while face.data.shape_keys:
@@ -505,11 +505,16 @@ def written():
     call("export", filepath=str(Path(tempfile.gettempdir()) / "Portrait.glb"))
 
 
-@step(4.0)
-def opened_again():
+@step(3.0)
+def empty_file():
     if running():
         return 0.5
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return None
+
+
+@step(40.0)  # until the shaders are there
+def opened_again():
     with bpy.context.temp_override(**view()[1]):
         bpy.ops.import_scene.gltf(
             filepath=str(Path(tempfile.gettempdir()) / "Portrait.glb")
@@ -523,7 +528,6 @@ def opened_again():
     area.spaces.active.region_3d.view_rotation = TURNED
     with bpy.context.temp_override(**where):
         bpy.ops.view3d.view_all()
-    return None
 
 
 picture("artist_glb")
