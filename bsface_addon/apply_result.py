@@ -50,7 +50,7 @@ def apply_result(
     if set(request.photos) - set(photo_list.paths(state)):
         photo_list.replace(state, request.photos)
     photo_list.take_reports(state, result.reports)
-    photo_list.take_landmarks(state, result.landmarks)
+    photo_list.take_landmarks(state, result.landmarks, outcome.landmarks)
     state.hints = "\n".join(result.warnings)
     skin_overlay.refresh(context, face)
     return face

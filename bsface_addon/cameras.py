@@ -87,14 +87,15 @@ def set_lens(data, camera, size, unit):
     data.passepartout_alpha = 0.5
 
 
-def add(face, name, camera, photo, turn, collection):
+def add(parent, name, camera, photo, turn, collection):
     """Add the camera of one photo.
 
     It moves together with the face, but keeps scale 1.
 
     Parameters
     ----------
-    face : bpy.types.Object
+    parent : bpy.types.Object
+        The face's rig.
     camera, photo : core Camera and Photo
     turn : orientation.Turn or None
         None to look at the photo's file.
@@ -104,14 +105,14 @@ def add(face, name, camera, photo, turn, collection):
     -------
     bpy.types.Object
     """
-    unit = surface_object.world_frame(face).to_scale().x
+    unit = surface_object.world_frame(rig.face_of_rig(parent)).to_scale().x
     data = bpy.data.cameras.new(name)
     set_lens(data, camera, photo.size, unit)
     obj = bpy.data.objects.new(name, data)
     collection.objects.link(obj)
     # Forty of them hide the face.
     obj.hide_viewport = True
-    rig.attach(obj, face, camera_to_head(camera, photo.size))
+    rig.attach(obj, parent, camera_to_head(camera, photo.size))
     obj[PHOTO_KEY] = photo.name
     obj[SIZE_KEY] = [int(photo.size[0]), int(photo.size[1])]
     background(data, photo, turn)

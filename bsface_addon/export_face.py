@@ -13,6 +13,10 @@ from ..core.drawing.pictures import encode_png
 from ..core.files import write_bytes
 from ..core.formats import ending, export
 from ..core.formats.options import ExportOptions
+from ..core.rig.head import full_head
+from ..core.rig.mesh import quad_mesh
+from ..core.texture.head import head_texture
+from . import fbx_file
 from .face_file import StoredFace
 
 
@@ -30,6 +34,8 @@ class FileToWrite:
         Packed file of the map on the surface; empty for none.
     detail : bytes
         The same of the normal map.
+    blender : tuple of str
+        See `fbx_file.program`; for FBX files.
     """
 
     path: Path
@@ -37,11 +43,12 @@ class FileToWrite:
     options: ExportOptions
     picture: bytes = b""
     detail: bytes = b""
+    blender: tuple[str, ...] = ()
 
 
 def with_ending(path: str, kind: str) -> str:
     """The path with the ending of a format in place of another format's."""
-    found = ending(path)
+    found = _ending(path)
     stem = path[: -len(found)] if found else path
     return f"{stem}{kind}"
 
@@ -58,7 +65,31 @@ def write(wanted: FileToWrite) -> Path:
         if wanted.detail:
             normals = write_detail(Path(folder) / "normal.png", wanted.detail)
             options = replace(options, normals=normals)
+        if _ending(str(wanted.path)) == fbx_file.ENDING:
+            return _write_fbx(wanted, options)
         return export(wanted.path, wanted.face.read(), options=options)
+
+
+def _ending(path: str) -> str:
+    return fbx_file.ENDING if path.lower().endswith(fbx_file.ENDING) else ending(path)
+
+
+def _write_fbx(wanted: FileToWrite, options: ExportOptions) -> Path:
+    face, texture = wanted.face.read(), options.texture
+    if options.head:
+        mesh = full_head(face, options.density, keys=options.keys)
+        if texture is not None:
+            picture = head_texture(texture, face.template)
+            texture = write_bytes(Path(texture).with_name("head.png"), picture)
+    else:
+        mesh = quad_mesh(
+            face,
+            options.density,
+            eyes=options.openings,
+            mouth=options.openings,
+            keys=options.keys,
+        )
+    return fbx_file.write_fbx(wanted.path, mesh, options.name, wanted.blender, texture)
 
 
 def write_detail(path: Path, png: bytes) -> Path:

@@ -122,7 +122,7 @@ def info(options):
     """``info FILE``: what a .blend, .npz holds."""
     import bpy
 
-    from . import scene, surface_object
+    from . import scene, stored_facts, surface_object
 
     path = _existing(options.file)
     if path.suffix.lower() == ".npz":
@@ -138,8 +138,8 @@ def info(options):
             _summary(
                 face.name,
                 surface_object.shape(face),
-                scene.stored(face, scene.REPORT, []),
-                scene.stored(face, scene.SETTINGS, {}),
+                scene.stored(face, stored_facts.REPORT, []),
+                scene.stored(face, stored_facts.SETTINGS, {}),
             )
             for face in bpy.data.objects
             if scene.is_face(face)
@@ -157,7 +157,7 @@ def export(options):
     from ..core.errors import ReconstructionError
     from ..core.formats import export as write
     from ..core.formats.options import ExportOptions
-    from . import export_face, face_file, scene
+    from . import export_face, face_file, fbx_file, scene
 
     path, target = _existing(options.file), Path(options.out)
     trimmed = not options.untrimmed
@@ -180,6 +180,7 @@ def export(options):
         target,
         face_file.stored(found[name]),
         ExportOptions(trimmed=trimmed, tolerance=options.tolerance, name=name),
+        blender=fbx_file.program(bpy.app.binary_path),
     )
     return _wrote(export_face.write(wanted))
 

@@ -44,8 +44,8 @@ def sun(coefficients):
     return first / length, 2 * math.pi * length
 
 
-def add(face, name, coefficients, photo_name, collection):
-    """Add one sun, switched off; it moves together with the face."""
+def add(parent, name, coefficients, photo_name, collection):
+    """Add one sun, switched off; it moves together with the face of its rig."""
     direction, energy = sun(coefficients)
     data = bpy.data.lights.new(name, "SUN")
     data.energy = energy
@@ -55,7 +55,7 @@ def add(face, name, coefficients, photo_name, collection):
     towards = Vector(direction)
     # A sun shines along its local -z.
     turn = towards.to_track_quat("Z", "Y").to_matrix().to_4x4()
-    rig.attach(obj, face, Matrix.Translation(towards * DISTANCE_MM) @ turn)
+    rig.attach(obj, parent, Matrix.Translation(towards * DISTANCE_MM) @ turn)
     obj[PHOTO_KEY] = photo_name
     switch(obj, False)
     return obj

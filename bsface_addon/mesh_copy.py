@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import bpy
 import numpy as np
 
@@ -12,13 +15,31 @@ from . import material as face_material
 from . import surface_object
 from .packed_image import packed_image
 
+# On every object that the add-on makes.
+MARK = "bsface"
 # Inside of the mouth, linear.
 MOUTH = (0.12, 0.02, 0.02, 1.0)
 
 
+def local_mesh(made: QuadMesh, unit: float | None) -> QuadMesh:
+    """A mesh in the coordinates of an object, ready for Blender; any thread may do it.
+
+    Parameters
+    ----------
+    unit : float or None
+        The object's units per millimetre, `surface_object.UNIT_KEY`.
+    """
+    points = surface_object.in_units(unit, made.points)
+    keys = {
+        name: (points + surface_object.in_units(unit, moved)).astype(np.float32)
+        for name, moved in made.keys.items()
+    }
+    return replace(made, points=points.astype(np.float32), keys=keys)
+
+
 def add(
     face: bpy.types.Object,
-    made: QuadMesh,
+    local: QuadMesh,
     kind: str = "mesh",
     skin: bpy.types.Material | None = None,
 ) -> bpy.types.Object:
@@ -27,7 +48,8 @@ def add(
     Parameters
     ----------
     face : bpy.types.Object
-    made : QuadMesh
+    local : QuadMesh
+        See `local_mesh`; its keys are places, not movements.
     kind : str
         What the object is called besides the name of the face.
     skin : bpy.types.Material, optional
@@ -38,47 +60,44 @@ def add(
     bpy.types.Object
         With vertex groups of the regions, and the keys as shape keys.
     """
-    mesh = bpy.data.meshes.new(f"{face.name} {kind}")
-    local = surface_object.to_local(face, made.points)
-    _fill(mesh, local, made.quads)
-    layer = mesh.uv_layers.new(name="UVMap")
     # As on the surface itself: v of the picture runs down from its bottom row.
-    layer.data.foreach_set("uv", made.uv[made.quads.ravel()].ravel())
-    used = sorted(set(made.part.tolist()))
+    obj = _object(f"{face.name} {kind}", local)
+    obj[MARK] = "mesh"
     if skin is None:
         skin = next(iter(face.data.materials), None)
-    for part in used:
-        behind = PARTS[part] != "skin"
-        mesh.materials.append(_material(PARTS[part]) if behind else skin)
-    slot = np.searchsorted(used, made.part).astype(np.int32)
-    mesh.polygons.foreach_set("material_index", slot)
-    obj = bpy.data.objects.new(mesh.name, mesh)
+    for part in _parts(local):
+        obj.data.materials.append(skin if part == "skin" else _part_material(part))
     for collection in face.users_collection:
         collection.objects.link(obj)
     obj.matrix_world = face.matrix_world
-    for name, vertices in made.groups.items():
-        obj.vertex_groups.new(name=name).add(vertices.tolist(), 1.0, "REPLACE")
-    if made.keys:
-        obj.shape_key_add(name="Neutral", from_mix=False)
-    for name, moved in made.keys.items():
-        block = obj.shape_key_add(name=name, from_mix=False)
-        block.value = 0.0  # since Blender 5 a new key is on
-        there = local + surface_object.movement_to_local(face, moved)
-        block.data.foreach_set("co", there.astype(np.float32).ravel())
     return obj
 
 
-def _fill(mesh: bpy.types.Mesh, points: np.ndarray, quads: np.ndarray) -> None:
-    count = len(quads)
-    mesh.vertices.add(len(points))
-    mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
-    mesh.loops.add(4 * count)
-    mesh.loops.foreach_set("vertex_index", quads.astype(np.int32).ravel())
-    mesh.polygons.add(count)
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
-    mesh.polygons.foreach_set("use_smooth", np.ones(count, bool))
-    mesh.update(calc_edges=True)
-    mesh.validate()
+def stand_alone(name: str, made: QuadMesh, texture: Path | None) -> bpy.types.Object:
+    """Make a mesh object without a face, upright and in metres.
+
+    Parameters
+    ----------
+    texture : Path or None
+        Picture of the skin whose top row is v = 0.
+
+    Returns
+    -------
+    bpy.types.Object
+        As of `add`, but in no collection yet, and with v upwards.
+    """
+    local = local_mesh(made, surface_object.METRES_PER_MM)
+    uv = np.stack([made.uv[:, 0], 1 - made.uv[:, 1]], 1)
+    local = replace(local, uv=uv)
+    obj = _object(name, local)
+    for part in _parts(made):
+        if part == "skin":
+            image = None if texture is None else bpy.data.images.load(str(texture))
+            material = _plain_material(f"{name} skin", image)
+        else:
+            material = _part_material(part)
+        obj.data.materials.append(material)
+    return obj
 
 
 def head_skin(face: bpy.types.Object, png: bytes) -> bpy.types.Material:
@@ -91,48 +110,88 @@ def head_skin(face: bpy.types.Object, png: bytes) -> bpy.types.Material:
         The head's picture, its last row the top; empty for the colour of a face
         without a map.
     """
-    material = _plain(f"{face.name} head")
+    name = f"{face.name} head"
     if png:
-        _paint(material, png)
-    else:
-        colour = face_material.PLAIN
-        _shader(material).inputs["Base Color"].default_value = colour
-        material.diffuse_color = colour
-    return material
+        return _plain_material(name, packed_image(name, png))
+    made = _plain_material(name)
+    _shader(made).inputs["Base Color"].default_value = face_material.PLAIN
+    made.diffuse_color = face_material.PLAIN
+    return made
 
 
-def _material(part: str) -> bpy.types.Material:
-    """The material of all eyes, or of all mouths."""
+def _parts(made: QuadMesh) -> list[str]:
+    """The parts that a mesh has, in the order of its material slots."""
+    return [PARTS[part] for part in sorted(set(made.part.tolist()))]
+
+
+def _object(name: str, local: QuadMesh) -> bpy.types.Object:
+    """An object of a mesh in its own coordinates, with groups and keys."""
+    mesh = bpy.data.meshes.new(name)
+    _fill(mesh, local.points, local.quads)
+    layer = mesh.uv_layers.new(name="UVMap")
+    layer.data.foreach_set("uv", local.uv[local.quads.ravel()].ravel())
+    used = sorted(set(local.part.tolist()))
+    slot = np.searchsorted(used, local.part).astype(np.int32)
+    mesh.polygons.foreach_set("material_index", slot)
+    obj = bpy.data.objects.new(name, mesh)
+    for region, vertices in local.groups.items():
+        obj.vertex_groups.new(name=region).add(vertices.tolist(), 1.0, "REPLACE")
+    if local.keys:
+        obj.shape_key_add(name="Neutral", from_mix=False)
+    for key, there in local.keys.items():
+        block = obj.shape_key_add(name=key, from_mix=False)
+        block.value = 0.0  # since Blender 5 a new key is on
+        # `points` is the same as `data`, but is written at once.
+        block.points.foreach_set("co", there.ravel())
+    return obj
+
+
+def _fill(mesh: bpy.types.Mesh, points: np.ndarray, quads: np.ndarray) -> None:
+    count = len(quads)
+    mesh.vertices.add(len(points))
+    mesh.vertices.foreach_set("co", points.ravel())
+    mesh.loops.add(4 * count)
+    mesh.loops.foreach_set("vertex_index", quads.astype(np.int32).ravel())
+    mesh.polygons.add(count)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * count, 4, dtype=np.int32))
+    mesh.polygons.foreach_set("use_smooth", np.ones(count, bool))
+    mesh.update(calc_edges=True)
+    mesh.validate()
+
+
+def _part_material(part: str) -> bpy.types.Material:
+    """The material of eyes or mouth; all faces share it."""
     name = f"BSface {part}"
     found = bpy.data.materials.get(name)
     if found is not None:
         return found
-    material = _plain(name)
-    shader = _shader(material)
     if part == "mouth":
-        material.diffuse_color = shader.inputs["Base Color"].default_value = MOUTH
+        material = _plain_material(name)
+        material.diffuse_color = MOUTH
+        _shader(material).inputs["Base Color"].default_value = MOUTH
         return material
-    shader.inputs["Roughness"].default_value = 0.1
-    _paint(material, encode_png(iris_picture()))
+    material = _plain_material(name, packed_image(name, encode_png(iris_picture())))
+    _shader(material).inputs["Roughness"].default_value = 0.1
     return material
 
 
-def _plain(name: str) -> bpy.types.Material:
+def _plain_material(
+    name: str, image: bpy.types.Image | None = None
+) -> bpy.types.Material:
+    """Blender's own shader, coloured by a picture."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:
         material.use_nodes = True  # before Blender 5.0; deprecated since
+    if image is not None:
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        picture = nodes.new("ShaderNodeTexImage")
+        picture.image = image
+        shader = _shader(material)
+        links.new(picture.outputs["Color"], shader.inputs["Base Color"])
+        nodes.active = picture
     return material
 
 
 def _shader(material: bpy.types.Material) -> bpy.types.Node:
     nodes = material.node_tree.nodes
     return next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
-
-
-def _paint(material: bpy.types.Material, png: bytes) -> None:
-    """Give a material a picture, packed into the file."""
-    nodes, links = material.node_tree.nodes, material.node_tree.links
-    picture = nodes.new("ShaderNodeTexImage")
-    picture.image = packed_image(material.name, png)
-    links.new(picture.outputs["Color"], _shader(material).inputs["Base Color"])
-    nodes.active = picture

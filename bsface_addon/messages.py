@@ -133,7 +133,7 @@ def quality(facts: Mapping[str, float | int | None]) -> str:
     Parameters
     ----------
     facts : mapping
-        See `scene.quality_facts`.
+        See `stored_facts.quality_facts`.
     """
     if not facts:
         return ""

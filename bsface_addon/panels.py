@@ -18,6 +18,7 @@ from . import (
     session,
     settings_group,
     showing,
+    stored_facts,
     surface_object,
 )
 from .operators import export
@@ -118,7 +119,7 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
         across, down = surface_object.shape(face)
         text = f"{face.name}: {across} x {down} control points"
         layout.label(text=text, icon="OUTLINER_OB_SURFACE", translate=False)
-        facts = messages.quality(scene.stored(face, scene.QUALITY, {}))
+        facts = messages.quality(scene.stored(face, stored_facts.QUALITY, {}))
         if facts:
             paragraph(context, layout, facts)
         editing = face.mode == "EDIT"
@@ -229,6 +230,18 @@ class BSFACE_PT_views(FacePanel, bpy.types.Panel):
                 paragraph(context, layout, messages.LIGHT_UNSEEN, icon="INFO")
 
 
+class BSFACE_UL_keys(bpy.types.UIList):
+    """One shape key a row: name and value."""
+
+    def draw_item(
+        self, context, layout, data, item, icon, active_data, active_property, index
+    ):
+        row = layout.split(factor=0.6)
+        row.prop(item, "name", text="", emboss=False, icon="SHAPEKEY_DATA")
+        if item != data.reference_key:
+            row.prop(item, "value", text="", slider=True, emboss=False)
+
+
 class BSFACE_PT_expressions(FacePanel, bpy.types.Panel):
     bl_label = "Expressions"
 
@@ -254,9 +267,9 @@ class BSFACE_PT_expressions(FacePanel, bpy.types.Panel):
         keys = scene.active_face(context).data.shape_keys
         if keys is not None:
             face = scene.active_face(context)
-            # Blender's own list, with its search.
+            # Blender's own list is not in every version; all lists have its search.
             layout.template_list(
-                "MESH_UL_shape_keys",
+                "BSFACE_UL_keys",
                 "bsface",
                 keys,
                 "key_blocks",
@@ -291,6 +304,7 @@ class BSFACE_PT_support(BSFacePanel, bpy.types.Panel):
 
 
 CLASSES = (
+    BSFACE_UL_keys,
     BSFACE_PT_reconstruct,
     BSFACE_PT_settings,
     BSFACE_PT_advanced,

@@ -12,6 +12,7 @@ import bpy
 from ..core.errors import ReconstructionError
 from . import messages
 from .packed_image import packed_image
+from .stored_facts import landmark_text
 
 if TYPE_CHECKING:
     from .properties import BSFACE_PG_photo, BSFACE_PG_scene
@@ -149,23 +150,7 @@ def landmarks(row):
 
 def keep_landmarks(row, found):
     """Store core Landmarks with the row."""
-    row.landmarks = json.dumps(
-        {
-            "scheme": found.scheme,
-            "points": np_round(found.points, 3),
-            "weight": np_round(found.weight, 4),
-            "source": found.source,
-            "score": float(found.score),
-            "faces": int(found.faces),
-            "note": found.note,
-        }
-    )
-    row.faces = found.faces
-
-
-def np_round(values, digits):
-    """A plain list; the digits that matter keep the file small."""
-    return values.round(digits).tolist()
+    row.landmarks, row.faces = landmark_text(found), found.faces
 
 
 def known_landmarks(state):
@@ -192,12 +177,20 @@ def known_masks(state: BSFACE_PG_scene) -> dict[str, bytes]:
     return {row.name: mask(row) for row in state.photos if row.mask is not None}
 
 
-def take_landmarks(state, found):
-    """Store the landmarks of a detection or a run in the rows."""
+def take_landmarks(state, found, texts):
+    """Store the landmarks of a detection or a run in the rows.
+
+    Parameters
+    ----------
+    found : sequence of Landmarks
+    texts : mapping of photo name to str
+        See `stored_facts.landmark_text`.
+    """
     rows = {row.name: row for row in state.photos}
     for item in found:
         if item.photo in rows:
-            keep_landmarks(rows[item.photo], item)
+            row = rows[item.photo]
+            row.landmarks, row.faces = texts[item.photo], item.faces
 
 
 def take_found(state, found):

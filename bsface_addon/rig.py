@@ -58,16 +58,19 @@ def ensure(
     return obj
 
 
-def attach(obj: bpy.types.Object, face: bpy.types.Object, pose: Matrix) -> None:
+def attach(obj: bpy.types.Object, rig: bpy.types.Object, pose: Matrix) -> None:
     """Give an object a place relative to the face, and scale 1 in the world.
 
     Parameters
     ----------
+    rig : bpy.types.Object
+        Of the face.
     pose : (4, 4) matrix
         Object axes -> head axes; its translation in millimetres.
     """
+    face = face_of_rig(rig)
     frame = surface_object.local_frame(face)
-    obj.parent = find(face)
+    obj.parent = rig
     # Head axes, but the scene's lengths: the rig has the face's own scale.
     turn = frame.to_quaternion().to_matrix().to_4x4()
     scale = face.matrix_world.to_scale().x

@@ -14,9 +14,6 @@ import bpy
 import numpy as np
 
 from ..core.errors import ReconstructionError
-from ..core.formats.face_file import face_bytes
-from ..core.json_text import to_json
-from ..core.result import Reconstruction
 from . import (
     cameras,
     face_file,
@@ -29,15 +26,10 @@ from . import (
     surface_object,
 )
 from .solving import Outcome
+from .stored_facts import PHOTOS
 
-# Custom properties of the face object; JSON texts, so that they read the same in
-# every version and outside Blender.
+# On a face object.
 MARK = "bsface"
-SETTINGS = "bsface_settings"
-REPORT = "bsface_report"
-PHOTOS = "bsface_photos"
-WARNINGS = "bsface_warnings"
-QUALITY = "bsface_quality"
 # On a coarse net that is edited: its face.
 COARSE_OF = "bsface_coarse_of"
 _KINDS = (
@@ -98,9 +90,9 @@ def place(
         else:
             own = _home(context, face)
         context.view_layer.update()
-        rig.ensure(face, own)
-        _add_cameras(face, outcome, own)
-        _add_lights(face, result, own)
+        parent = rig.ensure(face, own)
+        _add_cameras(face, parent, outcome, own)
+        _add_lights(face, parent, result, own)
         for kind, found in maps.items():
             material.store_map(face, kind, found)
         material.drop_others(face, maps)
@@ -205,33 +197,6 @@ def leave_edit_mode(context):
         bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def quality_facts(result: Reconstruction) -> dict[str, float | int | None]:
-    """What says how good a face can be.
-
-    Returns
-    -------
-    dict
-        ``used`` and ``photos``: numbers of photos; ``deviation_mm``: median standard
-        deviation inside the outline, None where it is not known; ``eyes_px``: median
-        distance between the eyes in the used photos, in pixels.
-    """
-    deviation = None
-    if result.deviation is not None:
-        # The outermost control points act on the border.
-        m, n = result.surface.shape
-        u, v = (np.clip((np.arange(k) - 1) / (k - 3), 0, 1) for k in (m, n))
-        grid = np.stack(np.meshgrid(u, v, indexing="ij"), -1)
-        inside = result.template.inside(grid)
-        deviation = float(np.median(result.deviation[inside]))
-    sizes = [camera.s for camera in result.cameras]
-    return {
-        "used": len(result.photos),
-        "photos": len(result.reports),
-        "deviation_mm": deviation,
-        "eyes_px": float(np.median(sizes)) * result.settings.eye_distance_mm,
-    }
-
-
 def _free_place(context: bpy.types.Context, face: bpy.types.Object) -> float:
     """Where along x a new face stands clear of the others; 0 for the first."""
     ends = [_extent(other) for other in faces(context) if other != face]
@@ -249,7 +214,7 @@ def _extent(face: bpy.types.Object) -> tuple[float, float]:
     return float(x.min()), float(x.max())
 
 
-def _add_cameras(face, outcome, own):
+def _add_cameras(face, parent, outcome, own):
     result = outcome.result
     if not result.cameras:
         return
@@ -257,33 +222,27 @@ def _add_cameras(face, outcome, own):
     for camera, photo in zip(result.cameras, result.photos, strict=True):
         turn = outcome.turns.get(photo.name)
         view = cameras.add(
-            face, f"{face.name} {photo.name}", camera, photo, turn, group
+            parent, f"{face.name} {photo.name}", camera, photo, turn, group
         )
         if photo.name in outcome.skin:
             view[cameras.SKIN_KEY] = outcome.skin[photo.name]
 
 
-def _add_lights(face, result, own):
+def _add_lights(face, parent, result, own):
     if result.photometric is None:
         return
     group = _child_collection(own, "lights")
     found = zip(result.photometric.lights, result.photos, strict=True)
     for coefficients, photo in found:
         name = f"{face.name} light {photo.name}"
-        lights.add(face, name, coefficients, photo.name, group)
+        lights.add(parent, name, coefficients, photo.name, group)
 
 
 def _write_facts(face, outcome):
-    result = outcome.result
-    face[SETTINGS] = to_json(result.settings.to_dict())
-    face[REPORT] = to_json(list(result.reports))
-    face[QUALITY] = to_json(quality_facts(result))
-    face[WARNINGS] = to_json(list(result.warnings))
-    face[PHOTOS] = to_json(
-        [{"name": p.name, "path": p.path, "size": p.size} for p in result.photos]
-    )
-    face_file.keep(face, outcome.file or face_bytes(result))
-    photo_expression.keep(face, result)
+    for name, text in outcome.facts.items():
+        face[name] = text
+    face_file.keep(face, outcome.file)
+    photo_expression.keep(face, outcome.result)
 
 
 def _collection(context, face):

@@ -15,7 +15,7 @@ from . import (
     skin_overlay,
     surface_object,
 )
-from .scene import is_face
+from .scene import COARSE_OF, MARK
 
 # On the window manager: light of the solid views before a map was shown.
 LIGHT = "bsface_light"
@@ -32,13 +32,15 @@ def surrounding(context, face):
     middle = _middle(face)
     found = []
     for obj in context.visible_objects:
-        if obj == face or obj.type not in ("MESH", "SURFACE", "CURVE", "META", "FONT"):
+        if obj.type not in ("MESH", "SURFACE", "CURVE", "META", "FONT"):
             continue
+        if MARK in obj or COARSE_OF in obj:
+            continue  # a face, its mesh, its coarse net
         corners = [obj.matrix_world @ Vector(corner) for corner in obj.bound_box]
         if all(
             min(c[axis] for c in corners) < middle[axis] < max(c[axis] for c in corners)
             for axis in range(3)
-        ) and not is_face(obj):
+        ):
             found.append(obj)
     return found
 

@@ -31,6 +31,7 @@ from ..core.threads import one_blas_thread
 from .maps import Map, all_maps
 from .orientation import Turn, orientation
 from .skin_pictures import measured
+from .stored_facts import facts, landmark_text
 
 if TYPE_CHECKING:
     from .request import Request
@@ -55,6 +56,10 @@ class Outcome:
         How each photo's picture is turned, see `orientation`.
     skin : dict of str to bytes
         What is skin in each photo, see `skin_pictures.measured`.
+    facts : dict of str to str
+        What the face object keeps, see `stored_facts.facts`.
+    landmarks : dict of str to str
+        Of each photo as text, see `stored_facts.landmark_text`.
     """
 
     result: Reconstruction
@@ -63,6 +68,8 @@ class Outcome:
     file: bytes = b""
     turns: dict[str, Turn] = field(default_factory=dict)
     skin: dict[str, bytes] = field(default_factory=dict)
+    facts: dict[str, str] = field(default_factory=dict)
+    landmarks: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -78,7 +85,16 @@ class Outcome:
             photo.name: measured(mask, photo)
             for photo, mask in zip(result.photos, masks, strict=False)
         }
-        return cls(result, maps or {}, texture, face_bytes(result), turns, skin)
+        return cls(
+            result,
+            maps or {},
+            texture,
+            face_bytes(result),
+            turns,
+            skin,
+            facts(result),
+            {found.photo: landmark_text(found) for found in result.landmarks},
+        )
 
 
 @dataclass(frozen=True)
@@ -90,10 +106,19 @@ class Detection:
     collection : PhotoCollection
     hints : tuple of str
         Views that are missing, in sentences.
+    texts : dict of str to str
+        Landmarks of each photo as text, see `stored_facts.landmark_text`.
     """
 
     collection: PhotoCollection
     hints: tuple[str, ...] = ()
+    texts: dict[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, collection: PhotoCollection, hints: tuple[str, ...]) -> Detection:
+        """With all that takes too long for Blender's main thread."""
+        texts = {found.photo: landmark_text(found) for found in collection.landmarks}
+        return cls(collection, hints, texts)
 
 
 class Solver:
@@ -135,7 +160,7 @@ class Solver:
         with memory_reported():
             template = as_template(request.start, request.settings)
             found = self._collect(request, template, progress)
-            return Detection(found, _hints(found))
+            return Detection.of(found, _hints(found))
 
     def forget(self) -> None:
         """Let the kept photos go."""

@@ -55,7 +55,11 @@ def world_frame(obj: bpy.types.Object) -> Matrix:
 
 def to_local(obj: bpy.types.Object, xyz: Array) -> Array:
     """Points of the core, (..., 3) mm, in the object's own coordinates."""
-    unit = obj.get(UNIT_KEY)
+    return in_units(obj.get(UNIT_KEY), xyz)
+
+
+def in_units(unit: float | None, xyz: Array) -> Array:
+    """As `to_local`, from an object's units per millimetre; any thread may call it."""
     return xyz if unit is None else unit * _upright(xyz)
 
 
@@ -65,11 +69,6 @@ def from_local(obj: bpy.types.Object, xyz: Array) -> Array:
     if unit is None:
         return xyz
     return np.stack([xyz[..., 0], xyz[..., 2], -xyz[..., 1]], -1) / unit
-
-
-def movement_to_local(obj: bpy.types.Object, xyz: Array) -> Array:
-    """Movements of the core, (..., 3) mm, in the object's own coordinates."""
-    return to_local(obj, xyz)
 
 
 def is_surface(obj: bpy.types.Object | None) -> bool:

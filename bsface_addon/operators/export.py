@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...core.errors import ReconstructionError
 from ...core.formats.options import ExportOptions
-from .. import export_face, face_file, material, messages, scene
+from .. import export_face, face_file, fbx_file, material, messages, scene
 from ..export_face import FileToWrite
 from .mesh import DENSITY, KEYS, OPENINGS
 from .running import LongOperator
@@ -23,6 +23,7 @@ FORMATS = (
     (".3dm", "Rhino", "B-spline surface and outline curve"),
     (".nurbs.obj", "OBJ, Free-Form", "B-spline surface for Maya and others"),
     (".glb", "glTF", "Quads with eyes, mouth, texture and the ARKit keys"),
+    (".fbx", "FBX", "Quads with eyes, mouth, texture and the ARKit keys"),
     (".obj", "OBJ, Mesh", "Triangles with UVs and texture"),
     (".ply", "PLY, Mesh", "Triangles with UVs"),
     (".stl", "STL, Solid", "Closed solid to print"),
@@ -89,12 +90,12 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
     )
     texture: BoolProperty(
         name="Texture",
-        description="The skin with the OBJ mesh and in glTF",
+        description="The skin with the OBJ mesh, in glTF and in FBX",
         default=True,
     )
     head: BoolProperty(
         name="Full Head",
-        description="The whole head instead of the face, in glTF and OBJ mesh",
+        description="The whole head instead of the face, in glTF, FBX and OBJ mesh",
         default=False,
     )
     density: DENSITY
@@ -140,7 +141,13 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
                 image = material.stored_map(face, kind)
                 if image is not None and image.packed_file is not None:
                     pictures[use] = image.packed_file.data
-        return FileToWrite(Path(path), face_file.stored(face), options, **pictures)
+        return FileToWrite(
+            Path(path),
+            face_file.stored(face),
+            options,
+            blender=fbx_file.program(bpy.app.binary_path),
+            **pictures,
+        )
 
 
 class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):

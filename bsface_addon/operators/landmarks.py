@@ -49,7 +49,7 @@ class BSFACE_OT_landmarks_detect(LongOperator, bpy.types.Operator):
     def deliver(self, context, request, outcome):
         state = context.scene.bsface
         landmarks = outcome.collection.landmarks
-        photo_list.take_landmarks(state, landmarks)
+        photo_list.take_landmarks(state, landmarks, outcome.texts)
         photo_list.take_failures(state, outcome.collection.failures)
         photo_list.take_found(state, landmarks)
         state.hints = "\n".join(outcome.hints)

@@ -48,12 +48,13 @@ KEYS = BoolProperty(
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A mesh of a face."""
+    """A mesh of a face, in an object with so many units per millimetre."""
 
     face: StoredFace
     density: str
     openings: bool
     keys: bool
+    unit: float | None
 
 
 class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operator):
@@ -68,18 +69,25 @@ class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operat
     keys: KEYS
 
     def prepare(self, context):
-        face = face_file.stored(scene.active_face(context))
-        return MeshRequest(face, self.density.lower(), self.openings, self.keys)
+        face = scene.active_face(context)
+        return MeshRequest(
+            face_file.stored(face),
+            self.density.lower(),
+            self.openings,
+            self.keys,
+            face.get(surface_object.UNIT_KEY),
+        )
 
     @staticmethod
     def work(solver, request, progress):
-        return quad_mesh(
+        made = quad_mesh(
             request.face.read(),
             request.density,
             eyes=request.openings,
             mouth=request.openings,
             keys=request.keys,
         )
+        return mesh_copy.local_mesh(made, request.unit)
 
     def deliver(self, context, request, outcome):
         face = scene.active_face(context)
@@ -99,6 +107,8 @@ class HeadRequest:
     face : StoredFace
     density : str
     keys : bool
+    unit : float or None
+        Of the face object, `surface_object.UNIT_KEY`.
     picture : bytes
         Packed file of the face's skin; empty for none.
     """
@@ -106,6 +116,7 @@ class HeadRequest:
     face: StoredFace
     density: str
     keys: bool
+    unit: float | None
     picture: bytes
 
 
@@ -124,15 +135,20 @@ class BSFACE_OT_full_head(ChangingOperator, LongOperator, bpy.types.Operator):
         skin = material.stored_map(face, "SKIN")
         packed = skin.packed_file if skin is not None else None
         picture = packed.data if packed is not None else b""
-        stored = face_file.stored(face)
-        return HeadRequest(stored, self.density.lower(), self.keys, picture)
+        return HeadRequest(
+            face_file.stored(face),
+            self.density.lower(),
+            self.keys,
+            face.get(surface_object.UNIT_KEY),
+            picture,
+        )
 
     @staticmethod
     def work(solver, request, progress):
         face = request.face.read()
         head = full_head(face, request.density, keys=request.keys)
         picture = maps.head(request.picture, face.template) if request.picture else b""
-        return head, picture
+        return mesh_copy.local_mesh(head, request.unit), picture
 
     def deliver(self, context, request, outcome):
         face = scene.active_face(context)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from ...core.errors import ReconstructionError
 from ...core.problem import Constraint
+from ...core.surface.bspline import resampled_net
 from .. import (
     coarse_editor,
     face_file,
@@ -124,12 +126,12 @@ class BSFACE_OT_surface_resample(ChangingOperator, bpy.types.Operator):
         scene.leave_edit_mode(context)
         photo_expression.hide(face)
         keys = face.data.shape_keys.key_blocks[1:] if face.data.shape_keys else []
-        shapes = {k.name: (face_file.surface(face, k.name), k.value) for k in keys}
-        basis = face_file.surface(face).resampled(count).control_points
+        values = {key.name: key.value for key in keys}
+        nets = [surface_object.read(face, name) for name in (None, *values)]
+        basis, *shapes = np.moveaxis(resampled_net(np.stack(nets, 2), count), 2, 0)
         with scene.all_or_nothing(context):
             surface_object.write(context, face, basis)
-            for name, (shape, value) in shapes.items():
-                points = shape.resampled(count).control_points
+            for (name, value), points in zip(values.items(), shapes, strict=True):
                 surface_object.add_shape_key(face, name, points).value = value
         return {"FINISHED"}
 

@@ -201,17 +201,7 @@ class BSplineSurface:
         Exact where the new knots contain the old ones (``M' - 3`` a multiple of
         ``M - 3``).
         """
-        b = self.control_points
-        for axis, count in enumerate(shape):
-            old = b.shape[axis]
-            if count == old:
-                continue
-            x = np.linspace(0, 1, 12 * max(count, old) + 1)
-            new = dense_basis(count, x)
-            value = np.tensordot(dense_basis(old, x), b, (1, axis))
-            solved = np.linalg.lstsq(new, value.reshape(len(x), -1), rcond=None)[0]
-            b = np.moveaxis(solved.reshape(count, *value.shape[1:]), 0, axis)
-        return BSplineSurface(b)
+        return BSplineSurface(resampled_net(self.control_points, shape))
 
     def clamped(self) -> tuple[Array, Array, Array]:
         """The same surface with clamped knots on [0, 1], for CAD files.
@@ -305,3 +295,17 @@ class BSplineSurface:
         uv, distance = self.closest_point(q)
         offset = ((q - self.evaluate(*uv.T)) * self.normals(*uv.T)).sum(1)
         return np.where(offset < 0, -distance, distance)
+
+
+def resampled_net(control_points: Array, shape: tuple[int, int]) -> Array:
+    """As `BSplineSurface.resampled`, of any values on the net, (M, N, ...)."""
+    b = np.asarray(control_points)
+    for axis, count in enumerate(shape):
+        old = b.shape[axis]
+        if count == old:
+            continue
+        x = np.linspace(0, 1, 12 * max(count, old) + 1)
+        new = dense_basis(count, x)
+        change = np.linalg.lstsq(new, dense_basis(old, x), rcond=None)[0]
+        b = np.moveaxis(np.tensordot(change, b, (1, axis)), 0, axis)
+    return b

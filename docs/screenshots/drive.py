@@ -25,12 +25,15 @@ from pathlib import Path
 
 import addon_utils
 import bpy
+from mathutils import Quaternion
 
 ROOT = Path(__file__).resolve().parents[2]
 EXTENSION = "bl_ext.user_default.bsface"
 # Every second example is enough for pictures of the user interface.
 EVERY = 2
 STILL_S = 3.5
+# The view from a third to the side.
+TURNED = Quaternion((0.67, 0.67, 0.23, 0.23))
 LIMIT_S = 1800.0
 # Only these pictures (names separated by commas); all where it is empty.
 ONLY = set(filter(None, os.environ.get("BSFACE_PICTURES", "").split(",")))
@@ -138,6 +141,25 @@ def running():
 
 def state():
     return bpy.context.scene.bsface
+
+
+def smile(obj):
+    """Jaw and a corner of the mouth of a mesh."""
+    blocks = obj.data.shape_keys.key_blocks
+    blocks["jawOpen"].value, blocks["mouthSmileLeft"].value = 0.6, 0.8
+
+
+def facts(what, obj):
+    """Print what the guide says of a mesh."""
+    bpy.context.view_layer.update()
+    keys = len(obj.data.shape_keys.key_blocks) - 1
+    materials = ", ".join(material.name for material in obj.data.materials)
+    size = " x ".join(f"{1000 * side:.0f}" for side in obj.dimensions)
+    print(
+        f"FACT {what}: {obj.name!r}, {len(obj.data.polygons)} faces, {keys} keys, "
+        f"materials {materials}, {size} mm",
+        flush=True,
+    )
 
 
 def make_photos():
@@ -294,9 +316,60 @@ def before():
 picture("artist_camera_front", panels=("views",))
 
 
+@step(3.0)
+def skin_mask():
+    call("view_front", front=False)
+    call("skin_show")
+
+
+picture("artist_skin", panels=("photos",))
+
+
+@step(1.0)
+def mask():
+    call("skin_show", show=False)
+    call("mask_edit", "INVOKE_DEFAULT", photo=bpy.context.scene.camera["bsface_photo"])
+
+
+@step(40.0)  # until the shaders are there
+def strokes():
+    if running():
+        return 0.5
+    area, where = view()
+    region = where["region"]
+    # A hand's width of paint beside the eyes, and a spot of skin in the hair.
+    across, down = region.width / 2, region.height
+    for kind, points in (
+        ("OTHER", [(across - 90 + i, 0.47 * down + i / 3) for i in range(0, 180, 6)]),
+        ("SKIN", [(across - 30 + i, 0.86 * down) for i in range(0, 60, 6)]),
+    ):
+        call("mask_brush", kind=kind)
+        path = [
+            {
+                "name": "",
+                "location": (0, 0, 0),
+                "mouse": point,
+                "mouse_event": point,
+                "pressure": 1.0,
+                "size": 20.0,
+                "x_tilt": 0.0,
+                "y_tilt": 0.0,
+                "time": 0.0,
+                "is_start": number == 0,
+            }
+            for number, point in enumerate(points)
+        ]
+        with bpy.context.temp_override(**where):
+            bpy.ops.paint.image_paint(stroke=path)
+    return None
+
+
+picture("artist_mask")
+
+
 @step(2.0)
 def leave():
-    call("view_front", front=False)
+    call("mask_done", keep=False)
     call("view_leave")
 
 
@@ -348,6 +421,128 @@ def keyed():
 
 
 picture("artist_expressions", panels=("expressions",), what="panels")
+
+
+@step(2.0)
+def all_photos():
+    for row in state().photos:
+        row.expression = ""
+    call("view_leave")
+    with bpy.context.temp_override(**view()[1]):
+        face = state().face
+        while face.data.shape_keys:
+            face.shape_key_remove(face.data.shape_keys.key_blocks[-1])
+
+
+@step(3.0)
+def coarse():
+    call("coarse_edit")
+    net = module("coarse_editor").editor()
+    area, where = view()
+    with bpy.context.temp_override(**where):
+        bpy.ops.curve.select_all(action="DESELECT")
+        bpy.ops.object.mode_set(mode="OBJECT")
+        # The tip of the nose: the point of the middle that stands out most.
+        points = net.data.splines[0].points
+        middle = [p for p in points if abs(p.co.x) < 0.02 and abs(p.co.z) < 0.05]
+        min(middle, key=lambda p: p.co.y).select = True
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.transform.translate(value=(0, -0.012, 0))
+
+
+@step(2.0)
+def turn():
+    view()[0].spaces.active.region_3d.view_rotation = TURNED
+
+
+picture("artist_coarse", panels=("surface",))
+
+
+@step()
+def keys():
+    call("coarse_done")
+    call("arkit_keys", "INVOKE_DEFAULT")
+
+
+@step(2.0)
+def with_keys():
+    if running():
+        return 0.5
+    blocks = state().face.data.shape_keys.key_blocks
+    print("FACT keys on the surface:", len(blocks) - 1, flush=True)
+    blocks["jawOpen"].value, blocks["mouthSmileLeft"].value = 0.6, 0.8
+    state().face.active_shape_key_index = blocks.find("jawOpen")
+    return None
+
+
+picture("artist_keys", panels=("expressions",))
+
+
+@step()
+def mesh():
+    for block in state().face.data.shape_keys.key_blocks:
+        block.value = 0.0
+    call("surface_to_mesh", "INVOKE_DEFAULT")
+
+
+@step(3.0)
+def meshed():
+    if running():
+        return 0.5
+    made = bpy.data.objects[f"{state().face.name} mesh"]
+    state().face.hide_set(True)
+    facts("mesh", made)
+    smile(made)
+    return None
+
+
+picture("artist_mesh")
+
+
+@step()
+def written():
+    state().face.hide_set(False)
+    call("export", filepath=str(Path(tempfile.gettempdir()) / "Portrait.glb"))
+
+
+@step(3.0)
+def empty_file():
+    if running():
+        return 0.5
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return None
+
+
+@step(40.0)  # until the shaders are there
+def opened_again():
+    with bpy.context.temp_override(**view()[1]):
+        bpy.ops.import_scene.gltf(
+            filepath=str(Path(tempfile.gettempdir()) / "Portrait.glb")
+        )
+    made = next(obj for obj in bpy.data.objects if obj.type == "MESH")
+    facts("GLB", made)
+    smile(made)
+    area, where = view()
+    area.spaces.active.shading.type = "MATERIAL"
+    area.spaces.active.show_region_ui = False
+    area.spaces.active.region_3d.view_rotation = TURNED
+    with bpy.context.temp_override(**where):
+        bpy.ops.view3d.view_all()
+
+
+picture("artist_glb")
+
+
+@step()
+def new_file():
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    view()[0].spaces.active.show_region_ui = True
+
+
+@step(1.5)
+def tab_again():
+    tab()
+    call("photos_add", directory=str(make_photos()))
 
 
 @step()

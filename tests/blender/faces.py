@@ -56,7 +56,7 @@ def reconstruction(folder, kappa=1 / 900, mixtures=None):
     template = load_template().resampled(surface.shape)
     lights = np.zeros((count, 9))
     lights[:, 0], lights[:, 3] = 0.5, 0.4
-    lights[:, 1] = [-0.3, 0, 0.3]
+    lights[:, 1] = np.linspace(-0.3, 0.3, count)
     uv = np.random.default_rng(0).uniform(0.2, 0.8, (20, 2))
     evidence = PhotometricEvidence(
         uv=uv,
@@ -103,7 +103,7 @@ class FakeSolver:
 
     def __init__(self, folder):
         self.requests = []
-        self.answer = Outcome(reconstruction(folder))
+        self.answer = Outcome.of(reconstruction(folder))
         self.detection = None
         self.faces = ()
 

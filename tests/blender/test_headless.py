@@ -140,5 +140,5 @@ def test_as_a_script_on_real_photos(tmp_path):
     assert [photo["status"] for photo in said["report"]] == ["used"] * 5
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     (face,) = [obj for obj in bpy.data.objects if scene.is_face(obj)]
-    report = scene.stored(face, scene.REPORT, [])
+    report = scene.stored(face, load("bsface_addon.stored_facts").REPORT, [])
     assert max(row["reprojection_pct"] for row in report) < 5

@@ -42,7 +42,7 @@ def test_rows_keep_landmarks(rows):
 def test_detection_fills_the_rows_and_keeps_hand_work(rows, solver):
     failure = errors.PhotoFailure("2.png", "no_face", "No face was found in 2.png.")
     found = PhotoCollection((), (some("0.png"), some("1.png")), (failure,))
-    solver.detection = solving.Detection(found, ("Add one from the left.",))
+    solver.detection = solving.Detection.of(found, ("Add one from the left.",))
     photo_list.keep_landmarks(rows[1], some("1.png"))
     stored = json.loads(rows[0].landmarks)
     rows[0].landmarks = json.dumps({**stored, "source": "hand"})

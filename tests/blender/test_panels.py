@@ -30,17 +30,25 @@ def drawn():
         if hasattr(cls, "draw_header_preset"):
             cls.draw_header_preset(stub, bpy.context)
         names.append(cls.__name__.removeprefix("BSFACE_PT_"))
+        for (kind, *_), *_ in called(stub.layout, "template_list"):
+            assert hasattr(bpy.types, kind)
         for operator in operators(stub.layout):
             module, name = operator.split(".")
             assert hasattr(getattr(bpy.types, f"{module.upper()}_OT_{name}"), "bl_rna")
     return names
 
 
+def called(mock, method):
+    """What a method of a layout, or of one within it, was called with."""
+    for name, arguments, words in mock.mock_calls:
+        if name.split(".")[-1] == method:
+            yield arguments, words
+
+
 def operators(mock):
     """Names of the operators that were put on a layout."""
-    for name, arguments, _ in mock.mock_calls:
-        if name.split(".")[-1] == "operator":
-            yield arguments[0]
+    for arguments, _ in called(mock, "operator"):
+        yield arguments[0]
 
 
 def test_empty_file_shows_the_first_steps_only(addon):
@@ -84,6 +92,29 @@ def test_a_face_opens_the_later_panels(addon, solved, tmp_path):
     bpy.context.scene.bsface.photos[0].expression = "Smile"
     later = ["surface", "texture", "views", "expressions", "export", "support"]
     assert drawn()[-6:] == later
+
+
+def test_painting_a_mask_shows_its_brushes_alone(addon, tmp_path):
+    faces.photo_files(tmp_path / "photos")
+    bpy.ops.bsface.photos_add(directory=str(tmp_path / "photos"))
+    bpy.ops.bsface.mask_edit()
+    assert drawn() == ["BSFACE_MT_photos", "painting"]
+    bpy.ops.bsface.mask_done(keep=False)
+    assert "painting" not in drawn()
+
+
+def test_the_list_of_keys_shows_each_with_its_value(addon, solver, tmp_path):
+    bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
+    bpy.ops.bsface.arkit_keys()
+    assert "expressions" in drawn()
+    keys = bpy.context.scene.bsface.face.data.shape_keys
+    shown = []
+    for block in keys.key_blocks[:2]:
+        row = MagicMock()
+        args = (bpy.context, row, keys, block, 0, None, "", 0)
+        panels.BSFACE_UL_keys.draw_item(SimpleNamespace(), *args)
+        shown.append([name for (_, name), _ in called(row, "prop")])
+    assert shown == [["name"], ["name", "value"]]
 
 
 def test_editing_landmarks_shows_how_to_end_it(addon, solved, tmp_path):

@@ -117,8 +117,9 @@ def test_photos_are_read_once_for_two_runs(addon, photos):
 
         quick = {"method": "motion", "control_points": (12, 12), **changes}
         asked = request.from_panel(state, None, "", quick)
-        result = solver.solve(asked, progress).result
-        photo_list.take_landmarks(state, result.landmarks)
+        found = solver.solve(asked, progress)
+        result = found.result
+        photo_list.take_landmarks(state, result.landmarks, found.landmarks)
         return bool(read), result
 
     first = run()

@@ -14,6 +14,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector
 
 scene = load("bsface_addon.scene")
+stored_facts = load("bsface_addon.stored_facts")
 cameras = load("bsface_addon.cameras")
 face_file = load("bsface_addon.face_file")
 lights = load("bsface_addon.lights")
@@ -51,10 +52,10 @@ def as_in_the_first_version(face):
 @pytest.mark.parametrize("version", ["0.1", "now"])
 def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, version):
     result = faces.reconstruction(tmp_path, kappa)
-    face = scene.place(bpy.context, Outcome(result), "Ann")
+    face = scene.place(bpy.context, Outcome.of(result), "Ann")
     if version == "0.1":
         as_in_the_first_version(face)
-        scene.place(bpy.context, Outcome(result), "Ann", face=face)
+        scene.place(bpy.context, Outcome.of(result), "Ann", face=face)
         assert surface_object.UNIT_KEY not in face
     if moved:
         face.location = (1, 2, 3)
@@ -77,7 +78,7 @@ def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, v
 
 
 def test_cameras_are_not_scaled_and_see_the_face(empty_scene, tmp_path):
-    face = scene.place(bpy.context, Outcome(faces.reconstruction(tmp_path)), "Ann")
+    face = scene.place(bpy.context, Outcome.of(faces.reconstruction(tmp_path)), "Ann")
     assert all(obj.hide_viewport for obj in cameras.of_face(face))
     cameras.set_shown(bpy.context, face, True)
     bpy.context.view_layer.update()
@@ -89,7 +90,7 @@ def test_cameras_are_not_scaled_and_see_the_face(empty_scene, tmp_path):
 
 def test_photos_are_the_cameras_backgrounds(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, Outcome(result), "Ann")
+    face = scene.place(bpy.context, Outcome.of(result), "Ann")
     for obj, photo in zip(cameras.of_face(face), result.photos, strict=True):
         slot = obj.data.background_images[0]
         assert slot.image.filepath == str(photo.path)
@@ -139,7 +140,7 @@ def test_backgrounds_are_turned_clockwise_to_fill_the_frame(
 
 
 def test_face_stands_upright_in_life_size(empty_scene, tmp_path):
-    face = scene.place(bpy.context, Outcome(faces.reconstruction(tmp_path)), "Ann")
+    face = scene.place(bpy.context, Outcome.of(faces.reconstruction(tmp_path)), "Ann")
     bpy.context.view_layer.update()
     assert face.matrix_world == Matrix()
     width, depth, height = face.dimensions
@@ -150,7 +151,7 @@ def test_face_stands_upright_in_life_size(empty_scene, tmp_path):
 
 def test_suns_shine_from_where_the_light_came(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, Outcome(result), "Ann")
+    face = scene.place(bpy.context, Outcome.of(result), "Ann")
     for sun in lights.of_face(face):
         assert sun.hide_render and sun.hide_viewport
         lights.switch(sun, True)
@@ -168,16 +169,16 @@ def test_suns_shine_from_where_the_light_came(empty_scene, tmp_path):
 
 def test_facts_stay_with_the_object(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path / "photos")
-    scene.place(bpy.context, Outcome(result), "Ann")
+    scene.place(bpy.context, Outcome.of(result), "Ann")
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
     face = bpy.data.objects["Ann"]
     assert scene.is_face(face)
-    assert json.loads(face[scene.SETTINGS])["eye_distance_mm"] == 62.0
-    report = scene.stored(face, scene.REPORT, None)
+    assert json.loads(face[stored_facts.SETTINGS])["eye_distance_mm"] == 62.0
+    report = scene.stored(face, stored_facts.REPORT, None)
     assert [row["status"] for row in report] == ["used"] * 3 + ["no_face"]
-    assert scene.stored(face, scene.PHOTOS, [])[0]["size"] == list(faces.SIZE)
+    assert scene.stored(face, stored_facts.PHOTOS, [])[0]["size"] == list(faces.SIZE)
     saved = face_file.saved(face)
     assert [m.scheme for m in saved.landmarks] == ["40"] * 3
     assert len(saved.cameras) == 3
@@ -185,18 +186,18 @@ def test_facts_stay_with_the_object(empty_scene, tmp_path):
 
 def test_a_second_run_updates_the_same_object(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, Outcome(result), "Ann")
+    face = scene.place(bpy.context, Outcome.of(result), "Ann")
     face.location.x = 2
     first = everything()
-    again = scene.place(bpy.context, Outcome(result), "other name", face=face)
+    again = scene.place(bpy.context, Outcome.of(result), "other name", face=face)
     assert again == face and face.location.x == 2
     assert everything() == first
 
 
 def test_a_second_face_gets_its_own_collection(empty_scene, tmp_path):
     result = faces.reconstruction(tmp_path)
-    first = scene.place(bpy.context, Outcome(result), "Ann")
-    second = scene.place(bpy.context, Outcome(result), "Ann")
+    first = scene.place(bpy.context, Outcome.of(result), "Ann")
+    second = scene.place(bpy.context, Outcome.of(result), "Ann")
     assert second != first
     # Beside the first, without touching it.
     bpy.context.view_layer.update()
@@ -213,7 +214,7 @@ def test_a_second_face_gets_its_own_collection(empty_scene, tmp_path):
 @pytest.mark.parametrize("update", [False, True])
 def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, update):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, Outcome(result), "Ann") if update else None
+    face = scene.place(bpy.context, Outcome.of(result), "Ann") if update else None
     mesh = bpy.data.meshes.new("other")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     other = bpy.data.objects.new("other", mesh)
@@ -236,7 +237,7 @@ def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, upda
     else:
         pictures = {"NO SUCH MAP": painted(np.zeros((4, 4, 3), np.uint8))}
     with pytest.raises((ValueError, KeyError)):
-        scene.place(bpy.context, Outcome(result, pictures), "Ann", face=face)
+        scene.place(bpy.context, Outcome.of(result, pictures), "Ann", face=face)
     assert everything() == before
     assert bpy.context.view_layer.objects.active == other and other.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
@@ -244,7 +245,7 @@ def test_a_failure_leaves_the_scene_as_it_was(empty_scene, tmp_path, fault, upda
 
 
 def test_maps_are_upright_on_the_surface_and_can_be_switched(empty_scene, tmp_path):
-    face = scene.place(bpy.context, Outcome(faces.reconstruction(tmp_path)), "Ann")
+    face = scene.place(bpy.context, Outcome.of(faces.reconstruction(tmp_path)), "Ann")
     texture = np.zeros((8, 6, 3), np.uint8)
     texture[0, :, 0] = 255  # v = 0, the forehead, is red
     image = material.store_map(face, "PHOTO", painted(texture))
@@ -265,7 +266,7 @@ def test_maps_are_upright_on_the_surface_and_can_be_switched(empty_scene, tmp_pa
 def test_texture_coordinates_are_u_and_v(empty_scene, tmp_path):
     """The assumption behind the maps: row j of the picture is v_j."""
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, Outcome(result), "Ann")
+    face = scene.place(bpy.context, Outcome.of(result), "Ann")
     depsgraph = bpy.context.evaluated_depsgraph_get()
     mesh = bpy.data.meshes.new_from_object(face.evaluated_get(depsgraph))
     uv = np.empty(len(mesh.loops) * 2, np.float32)
@@ -286,7 +287,7 @@ def painted_face(addon, tmp_path):
     before = everything()
     pictures = {"PHOTO": painted(np.zeros((4, 4, 3), np.uint8))}
     result = faces.reconstruction(tmp_path)
-    return scene.place(bpy.context, Outcome(result, pictures), "Ann"), before
+    return scene.place(bpy.context, Outcome.of(result, pictures), "Ann"), before
 
 
 def test_removing_a_face_removes_what_belongs_to_it(painted_face):
@@ -330,11 +331,11 @@ def test_sun_has_the_first_order_of_the_light_it_stands_for():
 @pytest.mark.parametrize("update", [False, True])
 def test_a_result_can_come_without_taking_over(empty_scene, tmp_path, update):
     result = faces.reconstruction(tmp_path)
-    face = scene.place(bpy.context, Outcome(result), "Ann") if update else None
+    face = scene.place(bpy.context, Outcome.of(result), "Ann") if update else None
     bpy.ops.mesh.primitive_cube_add()
     cube = bpy.context.object
     bpy.ops.object.mode_set(mode="EDIT")
-    made = scene.place(bpy.context, Outcome(result), "Ann", face=face, select=False)
+    made = scene.place(bpy.context, Outcome.of(result), "Ann", face=face, select=False)
     assert bpy.context.view_layer.objects.active == cube and cube.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
     assert bpy.context.selected_objects == [cube] and scene.is_face(made)
@@ -344,9 +345,9 @@ def test_maps_that_a_new_run_has_not_go(empty_scene, tmp_path):
     grey = painted(np.zeros((4, 4, 3), np.uint8))
     result = faces.reconstruction(tmp_path)
     both = {"PHOTO": grey, "DEVIATION": grey}
-    face = scene.place(bpy.context, Outcome(result, both), "Ann")
+    face = scene.place(bpy.context, Outcome.of(result, both), "Ann")
     material.show(face, "DEVIATION")
-    scene.place(bpy.context, Outcome(result, {"PHOTO": grey}), "Ann", face=face)
+    scene.place(bpy.context, Outcome.of(result, {"PHOTO": grey}), "Ann", face=face)
     assert material.stored_kinds(face) == ["PHOTO"]
     assert material.shown(face) == "PLAIN"
 
@@ -364,7 +365,7 @@ def test_maps_of_the_first_version_get_their_new_name(painted_face):
 def test_quality_is_told_in_numbers(tmp_path):
     messages = load("bsface_addon.messages")
     result = faces.reconstruction(tmp_path)
-    facts = scene.quality_facts(result)
+    facts = stored_facts.quality_facts(result)
     assert facts["used"] == 3 and facts["photos"] == 4
     # Its median over the net: that over the face is not far.
     assert facts["deviation_mm"] == pytest.approx(1.0, abs=0.05)
@@ -373,7 +374,7 @@ def test_quality_is_told_in_numbers(tmp_path):
     assert text == (
         "3 of 4 photos used; typical deviation 1.0 mm; eyes 56 pixels apart."
     )
-    unknown = scene.quality_facts(dataclasses.replace(result, deviation=None))
+    unknown = stored_facts.quality_facts(dataclasses.replace(result, deviation=None))
     assert "deviation" not in messages.quality(unknown) and not messages.quality({})
 
 

@@ -1,0 +1,83 @@
+"""FBX files, by Blender's own exporter in a second Blender without a window.
+
+The exporter belongs to Blender's main thread and takes seconds; in a Blender of its own
+(`fbx_script.py`) it does not stop the artist's.  No Blender in this module.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..core.errors import ReconstructionError
+from ..core.files import write_bytes
+from ..core.rig.mesh import QuadMesh
+
+ENDING = ".fbx"
+SCRIPT = Path(__file__).with_name("fbx_script.py")
+MESH, JOB, TEXTURE, RESULT = "mesh.npz", "job.json", "texture.png", "face.fbx"
+
+
+def program(binary: str) -> tuple[str, ...]:
+    """The command that runs a Python script in Blender.
+
+    Parameters
+    ----------
+    binary : str
+        ``bpy.app.binary_path``; empty in Blender's Python module.
+    """
+    if binary:
+        return (binary, "--background", "--factory-startup", "--python-exit-code", "1")
+    return (sys.executable,)
+
+
+def write_fbx(
+    path: Path, mesh: QuadMesh, name: str, program: Sequence[str], texture: Path | None
+) -> Path:
+    """Write a mesh with its keys and its texture.
+
+    Parameters
+    ----------
+    program : sequence of str
+        See `program`.
+    texture : Path or None
+        PNG file whose top row is v = 0.
+
+    Raises
+    ------
+    ReconstructionError
+        Blender could not write it, or there is no place for the file.
+    """
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        groups = {f"group {key}": found for key, found in mesh.groups.items()}
+        keys = {f"key {key}": moved for key, moved in mesh.keys.items()}
+        arrays = {"points": mesh.points, "quads": mesh.quads, "uv": mesh.uv}
+        np.savez(folder / MESH, part=mesh.part, **arrays, **groups, **keys)
+        if texture is not None:
+            (folder / TEXTURE).write_bytes(texture.read_bytes())
+        # The packages of the extension are not on the path of another Blender.
+        job = {"name": name, "sys.path": sys.path}
+        (folder / JOB).write_text(json.dumps(job), "utf-8")
+        blender = len(program) > 1
+        run = subprocess.run(
+            [*program, *(["--python"] if blender else []), str(SCRIPT)]
+            + [*(["--"] if blender else []), str(folder)],
+            capture_output=True,
+            text=True,
+            errors="replace",
+        )
+        if not (folder / RESULT).is_file():
+            said = [line for line in run.stderr.splitlines() if line.strip()]
+            why = said[-1].strip() if said else f"exit code {run.returncode}"
+            raise ReconstructionError(
+                f"{path}: Blender could not write this file ({why}); "
+                "write glTF instead."
+            )
+        return write_bytes(path, (folder / RESULT).read_bytes())
