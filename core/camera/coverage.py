@@ -56,7 +56,8 @@ def shortcomings(poses: Array, singular_values: Array | None = None) -> tuple[st
     spread = 1.0 if singular_values is None else float(singular_values[1:2].sum())
     if n > 2 and spread < FLAT_LIGHT:
         out.append(
-            "The light hardly differs between the photos, so shading adds little; add "
-            "photos with light from other sides."
+            "The light hardly differs between the photos: the shape comes out all the "
+            "same, only its fine relief is less sure; a few photos with light from "
+            "another side make it surer."
         )
     return tuple(out)
