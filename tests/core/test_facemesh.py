@@ -359,6 +359,23 @@ def test_what_is_wrong_with_model_or_opencv_is_told(version, error, told):
     assert sum(other in sentence for other in others) == 1
 
 
+def test_a_model_file_with_a_wrong_byte_is_not_used(tmp_path):
+    """It loads and answers: only its hash tells."""
+    try:
+        files = find_models()
+    except ReconstructionError as error:
+        pytest.skip(f"the model files are not installed: {error}")
+    for path in (files.detector, files.mesh, files.recognition):
+        assert face_models.intact(path) == path
+    data = bytearray(files.mesh.read_bytes())
+    data[5000] ^= 1
+    path = tmp_path / files.mesh.name
+    path.write_bytes(data)
+    FaceMesh(replace(files, mesh=path), MIRROR)
+    with pytest.raises(ReconstructionError, match="is damaged or is not the expected"):
+        face_models.intact(path)
+
+
 def test_swapped_models(tmp_path):
     try:
         files = find_models()
