@@ -29,6 +29,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PHOTOS = ROOT / "examples" / "photos"
 sys.path.insert(0, str(ROOT / "tests"))
+# FFmpeg asks once, at the first video of the process, which is one written here.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
@@ -205,7 +207,7 @@ class Jobs:
         face = reconstruct(photos, method="motion", **QUICK)
         before = load(self.face)
         compare(face.surface, before.surface)
-        track(before, photos)
+        track(photos, before)
         return "a face"
 
     def no_photos(self) -> str:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ReconstructionError
-from ..files import write_text
+from ..files import is_temporary, write_text
 from ..images.folder import list_sources
 from ..landmarks.candidates import files_beside
 from ..report.facts import SCHEMA, versions
@@ -78,6 +78,8 @@ def fingerprint(folder: Path, settings: dict[str, Any], wanted: Sequence[str]) -
 def hash_of(path: Path) -> str:
     """SHA-256 of a file; of its name alone when it cannot be read."""
     try:
+        if not path.is_file():  # to open a named pipe would wait for ever
+            raise FileNotFoundError
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
@@ -123,7 +125,7 @@ def sweep(folder: Path) -> None:
     """Remove half-written files of a run that was killed."""
     if folder.is_dir():
         for path in folder.iterdir():
-            if path.name.startswith(".") and "-" in path.name and path.is_file():
+            if is_temporary(path.name) and path.is_file():
                 path.unlink(missing_ok=True)
 
 

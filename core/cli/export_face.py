@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from ..errors import ReconstructionError
 from ..formats import ExportOptions, ending, export, load_face
 from ..formats.options import FIXED_DATE
-from .arguments import check_head, check_outputs
+from ..report.outputs import check_outputs
+from .arguments import check_head
 from .terminal import say
 
 

@@ -17,13 +17,14 @@ from ..json_text import to_json
 from ..progress import Step
 from ..report.facts import failure_facts, result_facts, versions
 from ..report.log_file import log_file, logged
+from ..report.outputs import check_outputs
 from ..report.report import report_files, write_report
 from ..result import Reconstruction
 from ..surface.template import load_template
 from ..texture.bake import bake_texture, write_texture
 from ..texture.detail import write_displacement, write_normals
 from ..threads import one_blas_thread, take_working_space
-from .arguments import check_head, check_outputs, parse_settings
+from .arguments import check_head, parse_settings
 from .bar import Bar
 from .terminal import say, write_out
 
@@ -120,7 +121,13 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
         if args.start:
             before = load_face(args.start)
             template, constraint = before.surface, before.constraint
-        check_outputs(args.output, report=args.report, log=args.log)
+        check_outputs(
+            args.output,
+            report=args.report,
+            log=args.log,
+            photos=args.photos,
+            recursive=args.recursive,
+        )
         check_head(args.head, args.output)
     except (ReconstructionError, ValueError) as error:
         say(str(error))

@@ -6,11 +6,13 @@ import contextlib
 import os
 import sys
 
+from ..errors import one_line
+
 
 def say(sentence: str) -> None:
     """A sentence on the standard error output."""
     with contextlib.suppress(OSError):
-        sys.stderr.write(f"bsface: {sentence}\n")
+        sys.stderr.write(f"bsface: {one_line(sentence)}\n")
 
 
 def write_out(text: str) -> int:

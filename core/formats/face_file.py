@@ -60,7 +60,7 @@ from ..files import replacing
 from ..images.photo import Photo
 from ..json_text import from_json, to_json
 from ..landmarks.landmarks import Landmarks
-from ..npz_arrays import floats, read_arrays
+from ..npz_arrays import floats, open_file, read_arrays
 from ..photometry.lighting import PhotometricEvidence
 from ..problem import Constraint
 from ..result import HistoryEntry, PhotoReport, Provenance, Reconstruction, no_photo
@@ -213,7 +213,7 @@ def load_face(
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"path must be the path of a face file, not {path!r:.60}.")
     try:
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             return read_face(file, os.fspath(path), template)
     except FileNotFoundError:
         raise ReconstructionError(
