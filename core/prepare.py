@@ -172,7 +172,10 @@ def as_template(given: TemplateLike | None, settings: Settings) -> Template:
     the bundled template.
     """
     if isinstance(given, BSplineSurface):
-        return edited_template(given, load_template())
+        try:
+            return edited_template(given, load_template())
+        except ValueError as error:
+            raise ReconstructionError(str(error)) from error
     if isinstance(given, Template):
         return given.resampled(settings.control_points)
     if given is not None and not isinstance(given, str | os.PathLike):

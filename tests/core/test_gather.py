@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -450,3 +451,11 @@ def test_what_names_no_photos(photos):
 def test_a_folder_in_a_list_of_photos(tmp_path):
     with pytest.raises(ReconstructionError, match="is a folder; give the photos in it"):
         collect_photos([tmp_path], NO_DETECTOR)
+
+
+@pytest.mark.parametrize("weight", [np.inf, np.nan, -1, 1e9])
+def test_weights_that_no_landmark_has(picture, weight):
+    marks = front_landmarks("468", name="picture 1")
+    marks = replace(marks, weight=np.full(468, float(weight)))
+    with pytest.raises(ReconstructionError, match="weights from 0 to 100"):
+        collect_photos([picture], NO_DETECTOR, Inputs(landmarks={"picture 1": marks}))
