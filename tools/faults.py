@@ -1,10 +1,8 @@
-"""Kill and starve bsface, let two of it write to one place, and say what came of it.
+"""Kill and starve bsface, and say what came of it.
 
     python tools/faults.py                    all of it, some twenty minutes
     python tools/faults.py kill --times 200   signals at random moments of a run
     python tools/faults.py batch --times 20   the same for a batch
-    python tools/faults.py writers --times 20 two runs with the same outputs
-    python tools/faults.py batches --times 6  two batches with the same folder
     python tools/faults.py disk               files can grow to 0 ... 1000 kB only
     python tools/faults.py memory             40 photos in 300 to 900 MB
 
@@ -309,77 +307,12 @@ def starve(words: Sequence[str], kind: str, limits: Sequence[int]) -> tuple[str,
     return "\n".join(lines), faults
 
 
-# --- two at a time -------------------------------------------------------------------
-
-
-def two_writers(times: int) -> tuple[str, int]:
-    """Two runs with other settings and the same outputs, at the same time."""
-    faults, mixed = 0, 0
-    with tempfile.TemporaryDirectory() as name:
-        place = Path(name)
-        photos, out = photos_in(place / "photos", 2), place / "out"
-        words = [[str(photos), *QUICK, f"--set=smooth_mm={mm}"] for mm in (1, 2)]
-        for path in OUTPUTS:
-            for run in words:
-                run += ["-o", str(out / path)]
-        wanted = []
-        for run in words:
-            if finish(start(run)):
-                raise SystemExit("faults.py: one writer alone fails too.")
-            wanted.append(contents(out))
-        for _ in range(times):
-            shutil.rmtree(out)
-            both = [start(run) for run in words]
-            faults += any([finish(process) for process in both])
-            left = contents(out)
-            whose = {
-                path: [k for k in (0, 1) if left.get(path) == wanted[k][path]]
-                for path in wanted[0]
-            }
-            faults += set(left) != set(wanted[0]) or not all(whose.values())
-            mixed += {0, 1} <= {k for ks in whose.values() if len(ks) == 1 for k in ks}
-    return (
-        "| two runs with the same outputs | files of both | faults |\n"
-        f"| --- | --- | --- |\n| {times} | {mixed} | {faults} |"
-    ), faults
-
-
-def two_batches(times: int, seed: int) -> tuple[str, int]:
-    """A second batch with the same folder while the first one runs."""
-    rng = random.Random(seed)
-    faults, refused = 0, 0
-    with tempfile.TemporaryDirectory() as name:
-        place = Path(name)
-        for person in ("ann", "bob", "eve"):
-            photos_in(place / "people" / person, 2)
-        out = place / "out"
-        words = ["batch", str(place / "people"), str(out), "--write=face.npz", *QUICK]
-        process, lasts = start(words), 0.0
-        began = time.perf_counter()
-        if finish(process):
-            raise SystemExit("faults.py: one batch alone fails too.")
-        lasts = time.perf_counter() - began
-        wanted = contents(out)
-        for _ in range(times):
-            shutil.rmtree(out)
-            first = start(words)
-            time.sleep(rng.uniform(0, 0.8 * lasts))
-            code = finish(start(words))
-            faults += finish(first) != 0 or code not in (0, 1)
-            refused += code == 1
-            faults += contents(out) != wanted
-    return (
-        "| two batches with the same folder | one of them refused | faults |\n"
-        f"| --- | --- | --- |\n| {times} | {refused} | {faults} |"
-    ), faults
-
-
 def main() -> int:
     """Run the command line; returns the exit code."""
     p = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    kinds = ("kill", "batch", "writers", "batches", "disk", "memory")
+    kinds = ("kill", "batch", "disk", "memory")
     p.add_argument("what", nargs="?", choices=kinds)
     p.add_argument("--times", type=int, default=200, help="signals (default 200)")
     p.add_argument("--seed", type=int, default=0, help="of the moments (default 0)")
@@ -400,10 +333,6 @@ def main() -> int:
         print(summary(kill_runs(options.times, options.seed, told)), flush=True)
     if wanted("batch"):
         print(summary(kill_batches(few, options.seed, told)), flush=True)
-    if wanted("writers"):
-        faults += _told(two_writers(few))
-    if wanted("batches"):
-        faults += _told(two_batches(few, options.seed))
     with tempfile.TemporaryDirectory() as name:
         if wanted("disk"):
             words = [str(photos_in(Path(name) / "photos", 3)), *QUICK]
