@@ -311,8 +311,9 @@ def _surface(arrays: Arrays) -> BSplineSurface:
             f"control_points lie up to {np.abs(points).max():.3g} mm from the origin, "
             f"more than {MAX_MM:g}"
         )
-    if np.ptp(points.reshape(-1, 3), axis=0).max() < MIN_MM:
-        raise ValueError("all control_points are at one place")
+    spread = points.reshape(-1, 3) - points.mean(axis=(0, 1))
+    if np.linalg.svd(spread, compute_uv=False)[1] < MIN_MM:
+        raise ValueError("all control_points are at one place or on one line")
     return BSplineSurface(points)
 
 
