@@ -115,5 +115,8 @@ def write_bytes(path: str | os.PathLike, content: bytes) -> Path:
 
 
 def write_text(path: str | os.PathLike, content: str) -> Path:
-    """Write ``content`` as UTF-8 with ``\\n`` line ends; see :func:`replacing`."""
-    return write_bytes(path, content.encode("utf-8"))
+    """Write ``content`` as UTF-8 with ``\\n`` line ends; see :func:`replacing`.
+
+    What no UTF-8 can hold, from names of files that are no text, is written out.
+    """
+    return write_bytes(path, content.encode("utf-8", "backslashreplace"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import shlex
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -26,7 +25,7 @@ from ..texture.detail import write_displacement, write_normals
 from ..threads import one_blas_thread, take_working_space
 from .arguments import check_head, parse_settings
 from .bar import Bar
-from .terminal import say, write_out
+from .terminal import say, tell, write_out
 
 #: Formats that hold a picture.
 TEXTURED = (".glb", ".obj")
@@ -233,12 +232,10 @@ def _tell(face: Reconstruction, written: Sequence[Path]) -> None:
     used = [row for row in face.reports if row.status == "used"]
     for row in face.reports:
         if row.status != "used":
-            sys.stderr.write(f"{row.name}: {row.reason}\n")
+            tell(f"{row.name}: {row.reason}\n")
     for warning in face.warnings:
-        sys.stderr.write(f"note: {warning}\n")
-    sys.stderr.write(
-        f"{len(used)} of {len(face.reports)} photos used; {_names(written)} written\n"
-    )
+        tell(f"note: {warning}\n")
+    tell(f"{len(used)} of {len(face.reports)} photos used; {_names(written)} written\n")
 
 
 def _names(files: Sequence[Path]) -> str:

@@ -308,3 +308,16 @@ def test_a_pipe_or_a_device_among_the_photos_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.jpg")
     (tmp_path / "endless.jpg").symlink_to("/dev/zero")
     assert len(batch_record.fingerprint(tmp_path, {}, WANTED)) == 64
+
+
+def test_a_person_whose_name_is_no_text_costs_nobody(tmp_path):
+    """The table is UTF-8, and so is the terminal's line."""
+    folder = tmp_path / "people" / os.fsdecode(b"caf\xe9\n")
+    folder.mkdir(parents=True)
+    (folder / "a.jpg").write_bytes(b"no picture")
+    out = tmp_path / "out"
+    with InThisProcess() as executor:
+        outcomes = batch.run_batch(tmp_path / "people", out, QUICK, executor=executor)
+    assert [outcome.status for outcome in outcomes] == ["failed"]
+    assert r"caf\udce9" in (out / "summary.csv").read_text("utf-8")
+    assert all(line.isprintable() for line in batch_record.summary_lines(outcomes))
