@@ -86,7 +86,8 @@ def files_of(name: str | os.PathLike) -> tuple[Path, ...]:
     if ending(path) != ".obj":
         return (path,)
     plain = "_".join(path.stem.split())
-    return (path, *(path.with_name(plain + end) for end in (".mtl", ".png")))
+    ends = (".mtl", ".png", "_eyes.png")
+    return (path, *(path.with_name(plain + end) for end in ends))
 
 
 def _inputs(photos: str, recursive: bool) -> list[Path]:
