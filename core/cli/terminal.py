@@ -17,12 +17,14 @@ def say(sentence: str) -> None:
 
 def tell(text: str) -> None:
     """Text for people on the standard error output; lost where nobody reads it."""
+    stream = sys.stderr
+    if stream is None:  # closed when the program began
+        return
     try:
-        if sys.stderr is not None:  # closed when the program began
-            sys.stderr.write(text)
-            sys.stderr.flush()
+        stream.write(text)
+        stream.flush()
     except OSError:
-        _forget(sys.stderr)
+        _forget(stream)
 
 
 def write_out(text: str) -> int:
