@@ -83,6 +83,7 @@ def reconstruct(options):
 
     from ..core.errors import ReconstructionError
     from ..core.images.folder import list_photos
+    from ..core.report.outputs import check_outputs
     from . import arguments, session, showing
     from .apply_result import apply_result
     from .console import Console
@@ -94,6 +95,15 @@ def reconstruct(options):
             f"Give a second name that ends in .blend for the result, "
             f"not {str(output)!r}."
         )
+    npz = options.npz and Path(options.npz)
+    try:
+        check_outputs(
+            [str(npz if npz.suffix else npz.with_suffix(".npz"))] if npz else [],
+            report=options.report,
+            photos=options.photos,
+        )
+    except ValueError as error:
+        raise ReconstructionError(str(error)) from None
     photos = list_photos(options.photos)
     changes = parsed(options.settings)
     if options.method:

@@ -139,7 +139,7 @@ def quality(facts: Mapping[str, float | int | None]) -> str:
         return ""
     parts = [f"{facts['used']} of {plural(facts['photos'], 'photo')} used"]
     if facts["deviation_mm"] is not None:
-        parts.append(f"typical deviation {facts['deviation_mm']:.1f} mm")
+        parts.append(f"median deviation {facts['deviation_mm']:.1f} mm")
     parts.append(f"eyes {facts['eyes_px']:.0f} pixels apart")
     return "; ".join(parts) + "."
 

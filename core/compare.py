@@ -93,6 +93,12 @@ def compare(
     size : int
         Samples along u and v.
     """
+    for surface in (first, second):
+        if not isinstance(surface, BSplineSurface):
+            raise TypeError(
+                "Two surfaces are compared, such as face.surface; one of them is "
+                f"{type(surface).__name__}."
+            )
     template = template or load_template()
     a, b = surface_maps(first, size), surface_maps(second, size)
     average = surface_maps(template.surface, size)

@@ -8,6 +8,7 @@ says why it was left out.
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -37,8 +38,23 @@ class FailureCode(StrEnum):
     DUPLICATE = "duplicate", "duplicate"
 
 
+def one_line(text: str) -> str:
+    """The text with line ends and other control characters written out.
+
+    Files and folders have any name; a sentence that names one stays one line and
+    steers no terminal.
+    """
+    return _CONTROL.sub(lambda found: repr(found[0])[1:-1], text)
+
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
+
+
 class ReconstructionError(Exception):
     """The whole job failed; ``str()`` is one sentence with the remedy."""
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class Cancelled(Exception):
@@ -92,6 +108,7 @@ class PhotoFailure:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "code", FailureCode(self.code))
+        object.__setattr__(self, "reason", one_line(self.reason))
 
     def __bool__(self) -> bool:
         return False

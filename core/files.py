@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import secrets
 from collections.abc import Iterator
 from pathlib import Path
@@ -43,13 +44,15 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
     why = why_not_writable(target)
     if why:
         raise ReconstructionError(f"{target}: {why}.")
+    # Through a link: what it leads to is replaced, the link stays.
+    place = Path(os.path.realpath(target))
     # The name is known before the file is there, so that an interruption at any moment
     # finds what to remove.
-    word = f".{target.stem[:40]}-{secrets.token_hex(4)}{target.suffix}"
-    temporary = target.with_name(word)
+    word = f".{place.stem[:40]}-{secrets.token_hex(4)}{place.suffix}"
+    temporary = place.with_name(word)
     try:
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
+            place.parent.mkdir(parents=True, exist_ok=True)
             temporary.open("xb").close()
         except OSError as error:
             raise ReconstructionError(
@@ -57,7 +60,7 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
                 "folder."
             ) from error
         yield temporary
-        os.replace(temporary, target)
+        os.replace(temporary, place)
     except OSError as error:
         _remove(temporary)
         raise ReconstructionError(
@@ -74,18 +77,31 @@ def _remove(path: Path) -> None:
         path.unlink()
 
 
+def is_temporary(name: str) -> bool:
+    """Whether a file is one that `replacing` has not finished, by its name."""
+    return re.fullmatch(r"\..{0,40}-[0-9a-f]{8}(\.[^.]*)?", name, re.DOTALL) is not None
+
+
 def why_not_writable(path: Path) -> str:
     """Why no file can be written there, as the end of a sentence; "" if it may do."""
     try:
+        path = Path(os.path.realpath(path))
         if path.is_dir():
             return "is a folder; give the name of a file in it"
-        folder = path.absolute().parent
+        if path.exists():
+            if not path.is_file():
+                return "is no regular file; choose another name"
+            # A rename asks for no right on the file itself.
+            if not os.access(path, os.W_OK, effective_ids=_EFFECTIVE):
+                return "is write-protected; choose another name"
+        folder = path.parent
         while not folder.exists() and folder != folder.parent:
             folder = folder.parent
         if not folder.is_dir():
             return f"cannot be written ({folder} is a file); choose another folder"
-    except OSError as error:
-        return f"cannot be written ({error.strerror}); choose another name"
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        return f"cannot be written ({why}); choose another name"
     if not os.access(folder, os.W_OK, effective_ids=_EFFECTIVE):
         return f"cannot be written (no permission in {folder}); choose another folder"
     return ""
@@ -99,5 +115,8 @@ def write_bytes(path: str | os.PathLike, content: bytes) -> Path:
 
 
 def write_text(path: str | os.PathLike, content: str) -> Path:
-    """Write ``content`` as UTF-8 with ``\\n`` line ends; see :func:`replacing`."""
-    return write_bytes(path, content.encode("utf-8"))
+    """Write ``content`` as UTF-8 with ``\\n`` line ends; see :func:`replacing`.
+
+    What no UTF-8 can hold, from names of files that are no text, is written out.
+    """
+    return write_bytes(path, content.encode("utf-8", "backslashreplace"))

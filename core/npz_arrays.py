@@ -6,11 +6,26 @@ what they claim to hold is judged before it is unpacked.
 
 from __future__ import annotations
 
+import errno
+import os
 import zipfile
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+def open_file(path: str | os.PathLike) -> BinaryIO:
+    """Open a file for reading; a pipe or a device would be read for ever.
+
+    Raises
+    ------
+    OSError
+        With its reason in ``strerror``.
+    """
+    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+        raise OSError(errno.EINVAL, "it is no regular file", os.fspath(path))
+    return open(path, "rb")  # noqa: SIM115
 
 
 def read_arrays(file: BinaryIO, most: int) -> dict[str, NDArray]:

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 
 from ._types import Array32
-from .errors import FailureCode, PhotoFailure, ReconstructionError
+from .errors import FailureCode, PhotoFailure, ReconstructionError, one_line
 from .identity.identify import identify
 from .images.folder import is_video, nothing_found, scan_folder
 from .landmarks.candidates import CandidateReader
@@ -28,7 +28,7 @@ from .landmarks.landmarks import Landmarks
 from .landmarks.observations import observe_landmarks
 from .problem import Constraint, PhotoCollection, Problem
 from .progress import Progress, Step
-from .settings import Settings
+from .settings import NUMBER, Settings
 from .surface.alignment import head_frame
 from .surface.bspline import BSplineSurface
 from .surface.edited import edited_template
@@ -72,10 +72,23 @@ class Inputs:
     masks: Mapping[str, Array32] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if isinstance(self.ignore, str):
+        object.__setattr__(self, "ignore", _ignored(self.ignore))
+        if not isinstance(self.landmarks, Mapping):
             raise TypeError(
-                f"ignore must be a list of photo names, such as [{self.ignore!r}], "
-                "not a text."
+                "landmarks must map photo names to Landmarks, not "
+                f"{type(self.landmarks).__name__}; the scheme is a setting: "
+                "settings={'landmarks': '68'}."
+            )
+        if not isinstance(self.constraint, Constraint | None):
+            raise TypeError(
+                "constraint must be a Constraint, not "
+                f"{type(self.constraint).__name__}."
+            )
+        soft = 0.0 if self.constraint is None else self.constraint.softness_mm
+        if not isinstance(soft, NUMBER) or not 0 <= soft < np.inf:
+            raise ValueError(
+                "The softness of a constraint must be a length in millimetres, 0 or "
+                f"more, not {soft!r:.40}."
             )
         for name, marks in self.landmarks.items():
             if not isinstance(marks, Landmarks):
@@ -159,7 +172,10 @@ def as_template(given: TemplateLike | None, settings: Settings) -> Template:
     the bundled template.
     """
     if isinstance(given, BSplineSurface):
-        return edited_template(given, load_template())
+        try:
+            return edited_template(given, load_template())
+        except ValueError as error:
+            raise ReconstructionError(str(error)) from error
     if isinstance(given, Template):
         return given.resampled(settings.control_points)
     if given is not None and not isinstance(given, str | os.PathLike):
@@ -200,7 +216,10 @@ def collect_photos(
     settings, inputs = settings or Settings(), inputs or Inputs()
     template = as_template(inputs.template, settings)
     sources, hints = _sources(photos, inputs.recursive)
-    _check_names(inputs.ignore, [name for name, _ in sources])
+    known = [name for name, _ in sources]
+    _check_names(inputs.ignore, known, "leave out")
+    if not any(_is_of(name, known) for name in inputs.landmarks):
+        _check_names(list(inputs.landmarks), known, "have the given landmarks")
     reader = CandidateReader(
         template, settings, inputs.landmarks, inputs.models, inputs.masks
     )
@@ -255,6 +274,10 @@ Sources = list[tuple[str, Path | np.ndarray]]
 
 def _sources(photos: Photos, recursive: bool) -> tuple[Sources, tuple[str, ...]]:
     """Names, unlike each other, with paths or arrays; and what is passed over."""
+    if isinstance(photos, str) and not photos:
+        raise ReconstructionError(
+            "The name of the folder is empty; give the folder that holds the photos."
+        )
     if isinstance(photos, str | os.PathLike):
         if is_video(Path(photos)):
             return [(_printable(Path(photos).name), Path(photos))], ()
@@ -267,7 +290,9 @@ def _sources(photos: Photos, recursive: bool) -> tuple[Sources, tuple[str, ...]]
             f"One picture of shape {photos.shape} was given in place of several; "
             "give a list of them, such as [picture, picture, picture]."
         )
-    if isinstance(photos, Mapping | bytes) or not hasattr(photos, "__iter__"):
+    number = isinstance(photos, np.ndarray) and photos.ndim == 0
+    unfit = isinstance(photos, Mapping | bytes) or number
+    if unfit or not isinstance(photos, Iterable):
         raise TypeError(
             "photos must be a folder, or a list of paths or of (H, W, 3) arrays, not "
             f"{type(photos).__name__}."
@@ -305,22 +330,44 @@ def _one_picture(array: np.ndarray) -> bool:
     return array.ndim == 2 or (array.ndim == 3 and array.shape[2] in (1, 3, 4))
 
 
-def _check_names(ignore: Sequence[str], names: Sequence[str]) -> None:
+def _ignored(given: object) -> tuple[str, ...]:
+    """The names of photos to leave out, whatever kind of list they are in."""
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        example = given if isinstance(given, str) else "007.jpg"
+        raise TypeError(
+            f"ignore must be a list of photo names, such as [{example!r}], not "
+            f"{'a text' if isinstance(given, str) else type(given).__name__}."
+        )
+    names = [x.as_posix() if isinstance(x, PurePath) else x for x in given]
+    for name in names:
+        if not isinstance(name, str):
+            raise TypeError(
+                "ignore must be a list of photo names, such as ['007.jpg'], without "
+                f"{type(name).__name__} in it."
+            )
+    return tuple(names)
+
+
+def _is_of(name: str, names: Sequence[str]) -> bool:
+    """Whether it is one of the names; a frame's is its video's and a time code."""
+    return name in names or str(name).rpartition(" ")[0] in names
+
+
+def _check_names(given: Sequence[str], names: Sequence[str], purpose: str) -> None:
     # A name with a slip would let the photo in, and the slip show after the work.
-    for name in ignore:
-        # A frame of a video is named by the video and its time code.
-        if name not in names and name.rpartition(" ")[0] not in names:
+    for name in given:
+        if not _is_of(name, names):
             listed = ", ".join(names[:5])
             if len(names) > 5:
                 listed += f" ... ({len(names)} photos)"
             raise ReconstructionError(
-                f"There is no photo {name!r} to leave out; the names are {listed}."
+                f"There is no photo {name!r} to {purpose}; the names are {listed}."
             )
 
 
 def _printable(name: str) -> str:
-    """The name without bytes that are no text, so that it can be printed."""
-    return name.encode("utf-8", "replace").decode("utf-8")
+    """The name as it can be printed: bytes that are no text become "?"."""
+    return one_line(name.encode("utf-8", "replace").decode("utf-8"))
 
 
 def _tell(progress: Progress | None, done: int, total: int, message: str) -> None:

@@ -11,6 +11,7 @@ is then 1. Prints a table of docs/robustness.md.
 from __future__ import annotations
 
 import argparse
+import os
 import random
 import subprocess
 import sys
@@ -23,6 +24,8 @@ import hypothesis
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "fuzz")]
+# FFmpeg asks once, at the first video of the process, which is one written here.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 from targets import Target, targets  # noqa: E402
 

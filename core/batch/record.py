@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import ReconstructionError
-from ..files import write_text
+from ..errors import ReconstructionError, one_line
+from ..files import is_temporary, write_text
 from ..images.folder import list_sources
 from ..landmarks.candidates import files_beside
 from ..report.facts import SCHEMA, versions
@@ -78,6 +78,8 @@ def fingerprint(folder: Path, settings: dict[str, Any], wanted: Sequence[str]) -
 def hash_of(path: Path) -> str:
     """SHA-256 of a file; of its name alone when it cannot be read."""
     try:
+        if not path.is_file():  # to open a named pipe would wait for ever
+            raise FileNotFoundError
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
@@ -123,7 +125,7 @@ def sweep(folder: Path) -> None:
     """Remove half-written files of a run that was killed."""
     if folder.is_dir():
         for path in folder.iterdir():
-            if path.name.startswith(".") and "-" in path.name and path.is_file():
+            if is_temporary(path.name) and path.is_file():
                 path.unlink(missing_ok=True)
 
 
@@ -165,7 +167,8 @@ def summary_csv(outcomes: Sequence[Outcome]) -> str:
     table.writerow(["person", "status", "used", "photos", "remark"])
     for outcome in outcomes:
         status = "failed" if outcome.status == "failed" else "done"
-        person, remark = (_cell(outcome.person), _cell(_remark(outcome)))
+        person = _cell(outcome.person)
+        remark = _cell(_remark(outcome))
         table.writerow([person, status, outcome.used, outcome.photos, remark])
     return text.getvalue()
 
@@ -187,12 +190,13 @@ def batch_facts(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
     """The same for a terminal, with times."""
-    width = max([len(o.person) for o in outcomes], default=6)
+    names = [one_line(o.person) for o in outcomes]
+    width = max(map(len, names), default=6)
     lines = [f"{'person':<{width}}  {'status':<7}  {'photos':>9}  {'time':>7}  remark"]
-    for o in outcomes:
+    for name, o in zip(names, outcomes, strict=True):
         time = f"{o.seconds:.0f} s" if o.seconds else ""
         photos = f"{o.used} of {o.photos}"
         lines.append(
-            f"{o.person:<{width}}  {o.status:<7}  {photos:>9}  {time:>7}  {_remark(o)}"
+            f"{name:<{width}}  {o.status:<7}  {photos:>9}  {time:>7}  {_remark(o)}"
         )
     return lines

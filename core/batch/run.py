@@ -30,8 +30,9 @@ from ..report.report import write_report
 from ..result import Reconstruction
 from ..settings import Settings
 from ..texture.bake import bake_texture, write_texture
+from .lock import only_batch_in
 from .memory import check_memory, for_want_of_memory, held_to, too_little
-from .processes import on_executor, on_processes
+from .processes import Jobs, Outcomes, on_executor, on_processes
 from .record import (
     Outcome,
     fingerprint,
@@ -100,7 +101,7 @@ def run_batch(
         does not make, a limit of memory that cannot be held, OUT inside PEOPLE or in
         a place where nothing can be written.
     ReconstructionError
-        When there are no people.
+        When there are no people, or another batch runs in OUT.
     """
     out = Path(out)
     _check_wanted(wanted)
@@ -114,19 +115,31 @@ def run_batch(
             "the cluster to its workers (`dask worker --memory-limit`)."
         )
     folders = people_in(people)
-    with contextlib.suppress(OSError):
-        out.mkdir(parents=True, exist_ok=True)
-        sweep(out)
     values = (settings or Settings()).to_dict()
     jobs = {
         folder.name: (str(folder), str(out / folder.name), values, tuple(wanted))
         for folder in folders
     }
+    with contextlib.suppress(OSError):
+        out.mkdir(parents=True, exist_ok=True)
+    with only_batch_in(out):
+        with contextlib.suppress(OSError):
+            sweep(out)
+        if executor is None:
+            runs = on_processes(run_person, jobs, workers, memory)
+        else:
+            runs = on_executor(executor, run_person, jobs)
+        finished = _finished(runs, out, jobs, told)
+        outcomes = tuple(finished[name] for name in jobs)
+        write_text(out / "summary.csv", summary_csv(outcomes))
+    return outcomes
+
+
+def _finished(
+    runs: Outcomes, out: Path, jobs: Jobs, told: Told | None
+) -> dict[str, Outcome]:
+    """The outcomes by name; whoever stops this leaves no unfinished files."""
     finished: dict[str, Outcome] = {}
-    if executor is None:
-        runs = on_processes(run_person, jobs, workers, memory)
-    else:
-        runs = on_executor(executor, run_person, jobs)
     try:
         for outcome in runs:
             finished[outcome.person] = outcome
@@ -137,9 +150,7 @@ def run_batch(
         for name in jobs:
             sweep(out / name)
         raise
-    outcomes = tuple(finished[name] for name in jobs)
-    write_text(out / "summary.csv", summary_csv(outcomes))
-    return outcomes
+    return finished
 
 
 def run_person(

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from pathlib import Path
 
-from ..files import why_not_writable
-from ..formats import HEAD_ENDINGS, WRITERS, ending
+from ..formats import HEAD_ENDINGS, ending
 from ..settings import Settings
 
 
@@ -22,41 +20,17 @@ def parse_settings(pairs: Sequence[str]) -> Settings:
     values = {}
     for pair in pairs:
         name, sign, text = pair.partition("=")
-        if not sign:
+        if not sign or not name:
             raise ValueError(f"--set takes NAME=VALUE, got {pair!r}.")
         try:
             values[name] = json.loads(text)
-        except ValueError:
+        except (ValueError, RecursionError):  # brackets within brackets
             numbers = text.split(",")
             if len(numbers) == 2 and all(x.strip().isdigit() for x in numbers):
                 values[name] = [int(x) for x in numbers]
             else:
                 values[name] = text
     return Settings.from_dict(values)
-
-
-def check_outputs(
-    outputs: Sequence[str], *, report: str | None = None, log: str | None = None
-) -> None:
-    """Refuse what cannot be written before the work is done, not after it.
-
-    Raises
-    ------
-    ValueError
-        With a sentence that names the file.
-    """
-    for name in outputs:
-        if not ending(name):
-            raise ValueError(
-                f"{name}: unknown ending; choose one of "
-                f"{', '.join(['.npz', *WRITERS])}."
-            )
-    if report is not None and Path(report).suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"{report}: the page must end in .html.")
-    for name in (*outputs, report, log):
-        why = why_not_writable(Path(name)) if name else ""
-        if why:
-            raise ValueError(f"{name}: {why}.")
 
 
 def check_head(wanted: bool, outputs: Sequence[str]) -> None:

@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 
 from ..batch.memory import parse_memory
 from ..batch.record import Outcome, batch_facts, summary_lines
 from ..batch.run import WANTED, run_batch
-from ..errors import ReconstructionError
+from ..errors import ReconstructionError, one_line
 from ..json_text import to_json
 from .arguments import parse_settings
-from .terminal import say, write_out
+from .terminal import say, tell, write_out
 
 
 def parser() -> argparse.ArgumentParser:
@@ -70,7 +69,8 @@ def main(argv: Sequence[str], executor: Executor | None = None) -> int:
     options = parser().parse_args(argv)
 
     def told(outcome: Outcome, finished: int, total: int) -> None:
-        sys.stderr.write(f"[{finished}/{total}] {outcome.person}: {outcome.status}\n")
+        person = one_line(outcome.person)
+        tell(f"[{finished}/{total}] {person}: {outcome.status}\n")
 
     try:
         settings = parse_settings(options.set)

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from ..errors import ReconstructionError
 from ..formats import ExportOptions, ending, export, load_face
 from ..formats.options import FIXED_DATE
-from .arguments import check_head, check_outputs
+from ..report.outputs import check_outputs
+from .arguments import check_head
 from .terminal import say
 
 
@@ -69,15 +70,6 @@ def main(argv: Sequence[str]) -> int:
         if any(ending(name) == ".npz" for name in args.output):
             raise ValueError("The face is a .npz file already; copy it.")
         check_head(args.head, args.output)
-        if not args.tolerance > 0:
-            raise ValueError(
-                f"--tolerance must be a positive length, not {args.tolerance:g}."
-            )
-    except ValueError as error:
-        say(str(error))
-        return 2
-    try:
-        face = load_face(args.face)
         options = ExportOptions(
             trimmed=not args.whole,
             tolerance=args.tolerance,
@@ -90,6 +82,13 @@ def main(argv: Sequence[str]) -> int:
             author=args.author,
             date=args.date,
         )
+        for name in args.output:
+            options.check(name)
+    except (ReconstructionError, ValueError) as error:
+        say(str(error))
+        return 2
+    try:
+        face = load_face(args.face)
         for name in args.output:
             export(name, face, options=options)
     except ReconstructionError as error:

@@ -92,7 +92,7 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     if facts["eye_distance_mm"] is not None:
         lines.insert(2, f"eyes      {facts['eye_distance_mm']:g} mm apart")
     if facts["confidence_mm"] is not None:
-        lines.append(f"spread    {facts['confidence_mm']:.2f} mm (median)")
+        lines.append(f"deviation {facts['confidence_mm']:.2f} mm (median)")
     lines += [f"warning   {sentence}" for sentence in facts["warnings"]]
     names = [str(row.get("name", "")) for row in facts["report"]]
     width = max(map(len, names), default=0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import shlex
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -17,15 +16,16 @@ from ..json_text import to_json
 from ..progress import Step
 from ..report.facts import failure_facts, result_facts, versions
 from ..report.log_file import log_file, logged
+from ..report.outputs import check_outputs
 from ..report.report import report_files, write_report
 from ..result import Reconstruction
 from ..surface.template import load_template
 from ..texture.bake import bake_texture, write_texture
 from ..texture.detail import write_displacement, write_normals
 from ..threads import one_blas_thread, take_working_space
-from .arguments import check_head, check_outputs, parse_settings
+from .arguments import check_head, parse_settings
 from .bar import Bar
-from .terminal import say, write_out
+from .terminal import say, tell, write_out
 
 #: Formats that hold a picture.
 TEXTURED = (".glb", ".obj")
@@ -120,7 +120,13 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
         if args.start:
             before = load_face(args.start)
             template, constraint = before.surface, before.constraint
-        check_outputs(args.output, report=args.report, log=args.log)
+        check_outputs(
+            args.output,
+            report=args.report,
+            log=args.log,
+            photos=args.photos,
+            recursive=args.recursive,
+        )
         check_head(args.head, args.output)
     except (ReconstructionError, ValueError) as error:
         say(str(error))
@@ -226,12 +232,10 @@ def _tell(face: Reconstruction, written: Sequence[Path]) -> None:
     used = [row for row in face.reports if row.status == "used"]
     for row in face.reports:
         if row.status != "used":
-            sys.stderr.write(f"{row.name}: {row.reason}\n")
+            tell(f"{row.name}: {row.reason}\n")
     for warning in face.warnings:
-        sys.stderr.write(f"note: {warning}\n")
-    sys.stderr.write(
-        f"{len(used)} of {len(face.reports)} photos used; {_names(written)} written\n"
-    )
+        tell(f"note: {warning}\n")
+    tell(f"{len(used)} of {len(face.reports)} photos used; {_names(written)} written\n")
 
 
 def _names(files: Sequence[Path]) -> str:

@@ -5,12 +5,26 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from typing import TextIO
+
+from ..errors import one_line
 
 
 def say(sentence: str) -> None:
     """A sentence on the standard error output."""
-    with contextlib.suppress(OSError):
-        sys.stderr.write(f"bsface: {sentence}\n")
+    tell(f"bsface: {one_line(sentence)}\n")
+
+
+def tell(text: str) -> None:
+    """Text for people on the standard error output; lost where nobody reads it."""
+    stream = sys.stderr
+    if stream is None:  # closed when the program began
+        return
+    try:
+        stream.write(text)
+        stream.flush()
+    except OSError:
+        _forget(stream)
 
 
 def write_out(text: str) -> int:
@@ -22,21 +36,26 @@ def write_out(text: str) -> int:
         Exit code: 0, or 1 when it cannot be written, which is said. A reader that has
         read enough (``| head``) is no failure.
     """
+    if sys.stdout is None:
+        say("the standard output is closed.")
+        return 1
     try:
-        sys.stdout.write(text)
+        # Characters that the terminal's encoding does not have are written out.
+        coding = sys.stdout.encoding or "utf-8"
+        sys.stdout.write(text.encode(coding, "backslashreplace").decode(coding))
         sys.stdout.flush()
     except BrokenPipeError:
-        _forget_output()
+        _forget(sys.stdout)
     except OSError as error:
-        _forget_output()
+        _forget(sys.stdout)
         say(f"the standard output cannot be written ({error.strerror}).")
         return 1
     return 0
 
 
-def _forget_output() -> None:
+def _forget(stream: TextIO) -> None:
     """Keep Python from flushing the rest at its end, which would fail again."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
+        os.dup2(nowhere, stream.fileno())
         os.close(nowhere)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .._types import Array
-from ..errors import ReconstructionError
+from ..errors import ReconstructionError, one_line
 from ..result import Reconstruction
 from ..rig.head import full_head
 from ..rig.mesh import quad_mesh
@@ -34,7 +34,8 @@ def _outline(face: Reconstruction, options: ExportOptions) -> Array | None:
 
 
 def _name(path: Path, options: ExportOptions) -> str:
-    return options.name or path.name[: -len(ending(path))] or "face"
+    # Folders and files may have names that are no text, of which names are made.
+    return one_line(options.name or path.name[: -len(ending(path))] or "face")
 
 
 def _cad(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
@@ -44,7 +45,7 @@ def _cad(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
         face.surface,
         _outline(face, options),
         _name(path, options),
-        stamp=Stamp(options.author, options.date),
+        stamp=Stamp(one_line(options.author), options.date),
         curves=options.curves,
     )
 

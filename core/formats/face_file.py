@@ -60,7 +60,7 @@ from ..files import replacing
 from ..images.photo import Photo
 from ..json_text import from_json, to_json
 from ..landmarks.landmarks import Landmarks
-from ..npz_arrays import floats, read_arrays
+from ..npz_arrays import floats, open_file, read_arrays
 from ..photometry.lighting import PhotometricEvidence
 from ..problem import Constraint
 from ..result import HistoryEntry, PhotoReport, Provenance, Reconstruction, no_photo
@@ -213,7 +213,7 @@ def load_face(
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"path must be the path of a face file, not {path!r:.60}.")
     try:
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             return read_face(file, os.fspath(path), template)
     except FileNotFoundError:
         raise ReconstructionError(
@@ -311,8 +311,9 @@ def _surface(arrays: Arrays) -> BSplineSurface:
             f"control_points lie up to {np.abs(points).max():.3g} mm from the origin, "
             f"more than {MAX_MM:g}"
         )
-    if np.ptp(points.reshape(-1, 3), axis=0).max() < MIN_MM:
-        raise ValueError("all control_points are at one place")
+    spread = points.reshape(-1, 3) - points.mean(axis=(0, 1))
+    if np.linalg.svd(spread, compute_uv=False)[1] < MIN_MM:
+        raise ValueError("all control_points are at one place or on one line")
     return BSplineSurface(points)
 
 

@@ -19,6 +19,9 @@ import numpy.typing as npt
 from .._types import Array
 from ..errors import ReconstructionError
 from ..files import write_bytes, write_text
+from ..images.decode import decode
+from ..images.png import plain_png
+from ..npz_arrays import open_file
 from ..surface.bspline import BSplineSurface
 
 #: First bytes of the pictures that a material may refer to, and their endings.
@@ -360,7 +363,11 @@ def read_texture(path: str | os.PathLike | bytes) -> tuple[bytes, str]:
         When it cannot be read or is something else.
     """
     try:
-        content = path if isinstance(path, bytes) else Path(path).read_bytes()
+        if isinstance(path, bytes):
+            content = path
+        else:
+            with open_file(path) as file:
+                content = file.read()
     except OSError as error:
         raise ReconstructionError(
             f"{path}: the texture cannot be read ({error.strerror}); "
@@ -368,6 +375,13 @@ def read_texture(path: str | os.PathLike | bytes) -> tuple[bytes, str]:
         ) from None
     for signature, ending in SIGNATURES.items():
         if content.startswith(signature):
+            # A damaged one would only fail where the mesh is opened.
+            data = np.frombuffer(content, np.uint8)
+            whole = plain_png(data) if ending == ".png" else data
+            if whole is None or decode(whole, reduction=1) is None:
+                raise ReconstructionError(
+                    f"{path}: the texture is damaged or cut short; export it again."
+                )
             return content, ending
     raise ReconstructionError(
         f"{path}: the texture is no PNG or JPEG picture; convert it."

@@ -11,6 +11,8 @@ from .exchange import NamedCurves
 
 #: The date of files that name none, so that equal faces give equal bytes.
 FIXED_DATE = "1970-01-01T00:00:00"
+#: Largest tolerance and thickness: beyond any head.
+MAX_MM = 1000.0
 
 
 @dataclass(frozen=True)
@@ -77,10 +79,10 @@ class ExportOptions:
             ("tolerance", self.tolerance),
             ("thickness", self.thickness),
         ):
-            if not 0 < value < float("inf"):
+            if not 0 < value <= MAX_MM:
                 raise ReconstructionError(
-                    f"{path}: the {what} must be a positive length in millimetres, "
-                    f"not {value:g}."
+                    f"{path}: the {what} must be a positive length in millimetres, at "
+                    f"most {MAX_MM:g}, not {value:g}."
                 )
         try:
             datetime.fromisoformat(self.date)

@@ -78,6 +78,10 @@ def judge_file(path: Path, name: str) -> PhotoFailure | None:
     """Why a file cannot be opened, or None if it can."""
     try:
         info = path.stat()
+        if stat.S_ISDIR(info.st_mode):
+            return PhotoFailure(
+                name, "unreadable", f"{name} is a folder; give the photos in it."
+            )
         if not stat.S_ISREG(info.st_mode):
             # A named pipe would block for ever when opened.
             return PhotoFailure(

@@ -139,7 +139,7 @@ def read_video(
     """
     path = Path(path)
     name = name or path.name
-    for judge in (judge_file, _judge_head):
+    for judge in (judge_file, _judge_path, _judge_head):
         failure = judge(path, name)
         if failure is not None:
             return failure
@@ -220,6 +220,20 @@ def _watch(
         if watched is not None and total > 0:
             watched(min(number / total, 1.0))
     return frames
+
+
+def _judge_path(path: Path, name: str) -> PhotoFailure | None:
+    """OpenCV ends the process when it is given a path that is no text."""
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} or one of its folders has a name that is no text, by which no "
+            "video can be opened; rename it.",
+        )
+    return None
 
 
 def _judge_head(path: Path, name: str) -> PhotoFailure | None:

@@ -29,6 +29,7 @@ from .face_mesh import FaceMesh
 from .face_models import ModelFiles
 from .face_selection import Candidate
 from .landmarks import (
+    MAX_WEIGHT,
     LandmarkFileError,
     Landmarks,
     NotLandmarksError,
@@ -124,12 +125,13 @@ class CandidateReader:
         name = photo.name
         if name in self.given:
             given = self.given[name]
-            if not np.isfinite(given.points).all() or not (given.weight >= 0).all():
+            weighed = (given.weight >= 0) & (given.weight <= MAX_WEIGHT)
+            if not np.isfinite(given.points).all() or not weighed.all():
                 return PhotoFailure(
                     name,
                     "implausible",
-                    f"The landmarks given for {name} are not all finite numbers; "
-                    "correct or remove them.",
+                    f"The landmarks given for {name} are not all finite numbers "
+                    f"with weights from 0 to {MAX_WEIGHT:g}; correct or remove them.",
                 )
             return [replace(given, photo=name)]
         beside = landmark_file_beside(photo.path) if photo.path else None

@@ -81,6 +81,11 @@ class Landmarks:
                 f"unknown landmark scheme {self.scheme!r}; "
                 f"known are {', '.join(SCHEME_SIZES)}"
             )
+        for name in ("points", "weight"):
+            value = np.asarray(getattr(self, name))
+            if value.dtype.kind not in "fiu":
+                raise ValueError(f"landmarks are real numbers, not {value.dtype}")
+            object.__setattr__(self, name, value.astype(float, copy=False))
         if np.shape(self.points) != (size, 2) or np.shape(self.weight) != (size,):
             raise ValueError(
                 f"the scheme {self.scheme} wants {size} points (x, y) and weights, "

@@ -4,12 +4,30 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import ReconstructionError
 from ..progress import Progress, Step
 from .facts import versions
+
+
+class _Handler(logging.FileHandler):
+    """Keeps the reason when a line cannot be written, as on a full disk."""
+
+    failure: BaseException | None = None
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Instead of a traceback on the terminal for every line."""
+        self.failure = self.failure or sys.exc_info()[1]
+
+    def close(self) -> None:
+        try:
+            super().close()
+        except OSError as error:
+            self.failure = self.failure or error
+
 
 # The logger of the whole package, whatever its name (another one inside Blender).
 _PACKAGE = logging.getLogger(__name__.rsplit(".", 2)[0])
@@ -37,12 +55,9 @@ def log_file(path: Path | None, about: str) -> Iterator[logging.Logger]:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handler = logging.FileHandler(path, "w", encoding="utf-8")
+        handler = _Handler(path, "w", encoding="utf-8")
     except OSError as error:
-        raise ReconstructionError(
-            f"{path}: the log cannot be written ({error.strerror}); choose another "
-            "file."
-        ) from None
+        raise _unwritten(path, error) from None
     handler.setFormatter(logging.Formatter(_FORMAT))
     level = _PACKAGE.level
     _PACKAGE.addHandler(handler)
@@ -61,6 +76,15 @@ def log_file(path: Path | None, about: str) -> Iterator[logging.Logger]:
         _PACKAGE.removeHandler(handler)
         _PACKAGE.setLevel(level)
         handler.close()
+    if handler.failure is not None:
+        raise _unwritten(path, handler.failure)
+
+
+def _unwritten(path: Path, error: BaseException) -> ReconstructionError:
+    why = getattr(error, "strerror", None) or str(error)
+    return ReconstructionError(
+        f"{path}: the log cannot be written ({why}); choose another file."
+    )
 
 
 def logged(progress: Progress | None) -> Progress:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._types import Array
 from ..npz_arrays import floats as npz_floats
-from ..npz_arrays import read_arrays
+from ..npz_arrays import open_file, read_arrays
 from .bspline import BSplineSurface
 
 BUNDLED = Path(__file__).resolve().parents[1] / "data" / "template.npz"
@@ -139,7 +139,7 @@ def load_template(path: str | os.PathLike | None = None) -> Template:
     path = BUNDLED if path is None else Path(path)
     try:
         # Opened here: numpy leaves the file open when it is damaged.
-        with path.open("rb") as file:
+        with open_file(path) as file:
             a = read_arrays(file, MAX_BYTES)
         return _template(a)
     except (OSError, ValueError) as error:

@@ -42,6 +42,16 @@ def test_photos_in_blend_and_npz_out(addon, solved, tmp_path, capfd):
             assert Path(bpy.path.abspath(image.filepath)).is_file()
 
 
+def test_no_photo_is_written_over(addon, solved, tmp_path, capfd):
+    """The page's picture would take the place of a photo of its name."""
+    photo = sorted((tmp_path / "photos").glob("*.png"))[0]
+    before = photo.read_bytes()
+    given = [str(tmp_path / "photos"), str(tmp_path / "a.blend")]
+    assert headless.main([*given, "--report", str(photo.with_suffix(".html"))]) == 1
+    assert "belongs to the photos" in capfd.readouterr().err
+    assert photo.read_bytes() == before and not (tmp_path / "a.blend").exists()
+
+
 def test_json_and_info(addon, solved, tmp_path, capfd):
     blend = tmp_path / "ann.blend"
     given = ["reconstruct", str(tmp_path / "photos"), "-o", str(blend), "--json"]

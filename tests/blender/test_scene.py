@@ -372,7 +372,7 @@ def test_quality_is_told_in_numbers(tmp_path):
     assert facts["eyes_px"] == pytest.approx(0.9 * 62)
     text = messages.quality(facts)
     assert text == (
-        "3 of 4 photos used; typical deviation 1.0 mm; eyes 56 pixels apart."
+        "3 of 4 photos used; median deviation 1.0 mm; eyes 56 pixels apart."
     )
     unknown = stored_facts.quality_facts(dataclasses.replace(result, deviation=None))
     assert "deviation" not in messages.quality(unknown) and not messages.quality({})

@@ -268,3 +268,56 @@ def test_failed_people_are_told_on_the_terminal(people, whole, capsys):
         code = command.main(words, executor)
     said = capsys.readouterr()
     assert code == 1 and "ann" in said.out and "[5/5]" in said.err
+
+
+# --- hostile folders -----------------------------------------------------------------
+
+
+def test_a_second_batch_in_the_folder_is_refused_while_the_first_runs(people, tmp_path):
+    """It would take the unfinished files of the first for litter."""
+    said = []
+
+    def again(outcome, finished, total):
+        with InThisProcess() as other, pytest.raises(ReconstructionError) as found:
+            batch.run_batch(people, tmp_path, QUICK, wanted=WANTED, executor=other)
+        said.append(str(found.value))
+
+    with InThisProcess() as executor:
+        first = batch.run_batch(
+            people, tmp_path, QUICK, wanted=WANTED, executor=executor, told=again
+        )
+        assert [o.status for o in first].count("done") == 3
+        assert len(said) == len(first) and "another batch writes" in said[0]
+        # and when it has ended the folder is free
+        after = batch.run_batch(
+            people, tmp_path, QUICK, wanted=WANTED, executor=executor
+        )
+    assert [o.status for o in after].count("skipped") == 3
+
+
+def test_only_unfinished_files_are_swept_away(tmp_path):
+    """Hidden files of the user have a hyphen too."""
+    for name in (".my-notes", ".git-credentials.txt", ".face-0123abcd.npz"):
+        (tmp_path / name).write_text("mine")
+    batch_record.sweep(tmp_path)
+    assert sorted(os.listdir(tmp_path)) == [".git-credentials.txt", ".my-notes"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_pipe_or_a_device_among_the_photos_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.jpg")
+    (tmp_path / "endless.jpg").symlink_to("/dev/zero")
+    assert len(batch_record.fingerprint(tmp_path, {}, WANTED)) == 64
+
+
+def test_a_person_whose_name_is_no_text_costs_nobody(tmp_path):
+    """The table is UTF-8, and so is the terminal's line."""
+    folder = tmp_path / "people" / os.fsdecode(b"caf\xe9\n")
+    folder.mkdir(parents=True)
+    (folder / "a.jpg").write_bytes(b"no picture")
+    out = tmp_path / "out"
+    with InThisProcess() as executor:
+        outcomes = batch.run_batch(tmp_path / "people", out, QUICK, executor=executor)
+    assert [outcome.status for outcome in outcomes] == ["failed"]
+    assert r"caf\udce9" in (out / "summary.csv").read_text("utf-8")
+    assert all(line.isprintable() for line in batch_record.summary_lines(outcomes))

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -363,3 +364,44 @@ def test_settings_from_words():
     assert parse_settings(["landmarks=68"]).landmarks == "68"
     assert parse_settings(["control_points=[9, 10]"]).control_points == (9, 10)
     assert parse_settings([]) == Settings()
+
+
+# --- terminals that take nothing, or not everything ----------------------------------
+
+
+SAYS = "from bsface.cli import terminal; import sys\n"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+@pytest.mark.parametrize("ending", ["2>/dev/full", "2>&-", "2>&1 | true"])
+def test_sentences_that_nobody_reads_do_no_harm(ending):
+    """Also not at the end, when Python flushes what it could not write."""
+    program = f"{SAYS}terminal.say('hello.'); terminal.tell('bye')"
+    words = f"{shlex.quote(sys.executable)} -c {shlex.quote(program)} {ending}"
+    found = subprocess.run(["sh", "-c", words], capture_output=True, text=True)
+    assert (found.returncode, found.stdout, found.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    "ending, code, said",
+    [
+        (">&-", 1, "bsface: the standard output is closed.\n"),
+        ("| head -c 1 > /dev/null", 0, ""),
+    ],
+)
+def test_results_that_cannot_be_written(ending, code, said):
+    program = f"{SAYS}sys.exit(terminal.write_out('{{}}'))"
+    words = f"{shlex.quote(sys.executable)} -c {shlex.quote(program)} {ending}"
+    found = subprocess.run(["sh", "-c", words], capture_output=True, text=True)
+    assert (found.returncode, found.stderr) == (code, said)
+
+
+def test_a_terminal_without_the_letters_of_a_name():
+    program = f"{SAYS}sys.exit(terminal.write_out('gr\\u00f6\\u00dfe \\udcff'))"
+    found = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        text=True,
+    )
+    assert (found.returncode, found.stdout) == (0, "gr\\xf6\\xdfe \\udcff")

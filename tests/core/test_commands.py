@@ -74,8 +74,11 @@ def test_export_of_the_head(capsys, face, tmp_path):
         (["-o", "a.xyz"], "a.xyz: unknown ending"),
         (["-o", "a.npz"], "The face is a .npz file already; copy it."),
         (["-o", "a.step", "--head"], "--head needs a file .glb or .obj."),
-        (["-o", "a.ply", "--tolerance", "0"], "must be a positive length, not 0."),
-        (["-o", "a.ply", "--tolerance", "nan"], "must be a positive length, not nan."),
+        (["-o", "a.ply", "--tolerance", "0"], "must be a positive length"),
+        (["-o", "a.ply", "--tolerance", "nan"], "must be a positive length"),
+        (["-o", "a.ply", "--tolerance", "inf"], "at most 1000, not inf."),
+        (["-o", "a.3mf", "--thickness", "1e300"], "at most 1000, not 1e+300."),
+        (["-o", "a.step", "--date", "today"], "'today' is not a date"),
     ],
 )
 def test_export_called_wrongly(capsys, face, tmp_path, monkeypatch, words, sentence):
@@ -245,3 +248,15 @@ def test_folder_with_the_name_of_a_command(capsys, tmp_path, monkeypatch):
     person_folder(tmp_path / "info", count=2)
     code, _, said = run(capsys, "./info", "-o", "a.npz", "-q", *QUICK)
     assert (code, said) == (0, "")
+
+
+@pytest.mark.parametrize("end", [".step", ".nurbs.obj", ".3dm", ".3mf"])
+def test_names_that_are_no_text(capsys, face, tmp_path, end):
+    """A person's folder has any name, and the object gets it."""
+    if end == ".3dm":
+        pytest.importorskip("rhino3dm")
+    out = tmp_path / f"a{end}"
+    name = "a\udcff\n\x1b[2J"
+    words = ["--tolerance", "5", "--name", name, "-q"]
+    assert run(capsys, "export", face, "-o", out, *words) == (0, "", "")
+    assert out.stat().st_size > 0

@@ -7,6 +7,7 @@ from bsface.drawing.render import yaw_rotation
 from bsface.surface.alignment import eye_distance
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
+from fake_face import bare_reconstruction
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +76,9 @@ def test_picture_shows_inwards_blue_and_outwards_red(template):
     blue = (picture[..., 2] - picture[..., 0] > 25).sum()
     red = (picture[..., 0] - picture[..., 2] > 25).sum()
     assert blue > 100 and red > 100
+
+
+def test_results_in_place_of_their_surfaces():
+    face = bare_reconstruction()
+    with pytest.raises(TypeError, match=r"such as face\.surface"):
+        compare(face, face)

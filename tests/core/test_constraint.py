@@ -5,6 +5,7 @@ import pytest
 from bsface import Constraint
 from bsface.solve.constraint import hold
 from bsface.solve.expression import expression_of
+from bsface.surface.bspline import BSplineSurface
 from bsface.surface.edited import edited_template
 from bsface.surface.prior import shape_prior
 from bsface.surface.template import load_template
@@ -133,3 +134,20 @@ def test_an_expression_is_found_again_and_the_rest_stays(template):
 def test_expressions_of_other_nets_are_refused(template):
     with pytest.raises(ValueError, match="same size"):
         expression_of(template.surface.resampled((12, 14)), template.surface, template)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda b: 0 * b,
+        lambda b: 1e300 * b,
+        lambda b: b * (1, 0, 0),
+        lambda b: np.random.default_rng(0).normal(0, 50, b.shape),
+    ],
+    ids=["a point", "beyond all sizes", "a line", "noise"],
+)
+def test_an_edited_surface_that_is_no_face_is_refused(template, change):
+    """Else the photos' landmarks would be blamed."""
+    surface = BSplineSurface(change(template.surface.control_points))
+    with pytest.raises(ValueError, match="is no face"):
+        edited_template(surface, template)

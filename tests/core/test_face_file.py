@@ -180,6 +180,7 @@ BAD = {
     "huge net": (changed(control_points=np.zeros((300, 4, 3))), "300 x 4"),
     "far away": (lambda a: a["control_points"].put(0, 1e300), "1e.300 mm from"),
     "one place": (lambda a: a["control_points"].fill(0), "at one place"),
+    "one line": (lambda a: a["control_points"][..., 1:].fill(0), "on one line"),
     "flat outline": (changed(outline_uv=[[0.1, 0.2]]), "three corners"),
     "outline outside": (changed(outline_uv=[[0, 0], [0, 2], [1, 1]]), r"in \[0, 1\]"),
     "settings": (changed(settings="{"), "settings is not valid JSON"),

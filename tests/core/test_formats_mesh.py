@@ -95,6 +95,9 @@ def test_obj_holds_the_mesh_with_texture_coordinates(tmp_path, surface):
     assert (out / "bent_displacement.png").read_bytes() == picture.read_bytes()
     with pytest.raises(ReconstructionError, match="no PNG or JPEG"):
         mesh.write_mesh_obj(out / "x.obj", surface, texture=path)
+    picture.write_bytes(picture.read_bytes()[:40])
+    with pytest.raises(ReconstructionError, match="damaged or cut short"):
+        mesh.write_mesh_obj(out / "x.obj", surface, texture=picture)
 
 
 def test_default_mesh_of_a_face_is_light():

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,6 +15,7 @@ from bsface.landmarks.candidates import CandidateReader
 from bsface.landmarks.face_models import find_models
 from bsface.landmarks.landmarks import Landmarks, write_landmarks
 from bsface.prepare import Inputs, collect_photos
+from bsface.problem import Constraint
 from bsface.progress import never_cancelled
 from bsface.settings import Settings
 from bsface.surface.template import load_template
@@ -400,3 +402,60 @@ def test_names_to_leave_out_must_be_those_of_photos(picture):
         collect_photos(
             [picture] * 7, NO_DETECTOR, Inputs(ignore=["picture 1", "b.png"])
         )
+
+
+@pytest.mark.parametrize("ignore", [5, None, b"a.png", [5], [b"a.png"], "a.png"])
+def test_what_is_no_list_of_names_to_leave_out(ignore):
+    with pytest.raises(TypeError, match="ignore must be a list of photo names"):
+        Inputs(ignore=ignore)
+
+
+def test_names_to_leave_out_come_in_any_list(picture):
+    """An iterator that is read twice would leave nothing out the second time."""
+    found = [Inputs(ignore=kind(["a.png"])).ignore for kind in (list, tuple, set, iter)]
+    assert found == [("a.png",)] * 4
+    assert Inputs(ignore=[Path("sub/a.png")]).ignore == ("sub/a.png",)
+
+
+@pytest.mark.parametrize("landmarks", ["68", 5, [1]])
+def test_landmarks_that_are_no_mapping(landmarks):
+    with pytest.raises(TypeError, match="landmarks must map photo names"):
+        Inputs(landmarks=landmarks)
+
+
+def test_landmarks_of_no_photo_that_is_there(picture):
+    """All of them misnamed: the detector's would be used without a word."""
+    marks = front_landmarks("468", name="a.png")
+    with pytest.raises(ReconstructionError, match="no photo 'a.png' to have"):
+        collect_photos([picture], NO_DETECTOR, Inputs(landmarks={"a.png": marks}))
+
+
+@pytest.mark.parametrize("softness", [float("nan"), float("inf"), -1.0, "a", None])
+def test_softness_of_a_constraint_that_is_no_length(softness):
+    with pytest.raises(ValueError, match="softness of a constraint"):
+        Inputs(constraint=Constraint(np.ones((10, 11), bool), softness))
+
+
+def test_a_constraint_of_another_kind():
+    with pytest.raises(TypeError, match="must be a Constraint, not dict"):
+        Inputs(constraint={"points": np.ones((10, 11), bool)})
+
+
+@pytest.mark.parametrize("photos", ["", np.array(3)], ids=["no name", "a number"])
+def test_what_names_no_photos(photos):
+    """An unset variable of a shell must not mean the folder one is in."""
+    with pytest.raises((ReconstructionError, TypeError), match="give the folder|must"):
+        collect_photos(photos, NO_DETECTOR)
+
+
+def test_a_folder_in_a_list_of_photos(tmp_path):
+    with pytest.raises(ReconstructionError, match="is a folder; give the photos in it"):
+        collect_photos([tmp_path], NO_DETECTOR)
+
+
+@pytest.mark.parametrize("weight", [np.inf, np.nan, -1, 1e9])
+def test_weights_that_no_landmark_has(picture, weight):
+    marks = front_landmarks("468", name="picture 1")
+    marks = replace(marks, weight=np.full(468, float(weight)))
+    with pytest.raises(ReconstructionError, match="weights from 0 to 100"):
+        collect_photos([picture], NO_DETECTOR, Inputs(landmarks={"picture 1": marks}))

@@ -309,3 +309,12 @@ def test_small_face_is_told_with_its_size():
     assert failure is not None
     assert failure.code == "small_face"
     assert "12 pixels" in failure.reason
+
+
+def test_landmarks_are_real_numbers_whatever_they_came_in():
+    points = np.arange(136).reshape(68, 2)
+    marks = Landmarks("a.jpg", "68", points.tolist(), [1] * 68)
+    assert marks.points.dtype == marks.weight.dtype == float
+    for bad in (points.astype(str), points.astype(object), points * 1j):
+        with pytest.raises(ValueError, match="real numbers"):
+            Landmarks("a.jpg", "68", bad, np.ones(68))

@@ -12,7 +12,7 @@ from bsface.batch.record import Outcome, batch_facts
 from bsface.drawing import maps, plots
 from bsface.errors import ReconstructionError
 from bsface.json_text import to_json
-from bsface.report import report
+from bsface.report import page, report
 from bsface.report.facts import failure_facts, result_facts
 from bsface.result import HistoryEntry
 from fake_face import (
@@ -227,3 +227,14 @@ def test_convergence_plot_takes_any_history(values):
     assert plots.stage_residuals(history, "a") == values
     drawn = plots.convergence_plot(history, "a")
     assert drawn.count("<circle") == len(values) and "nan" not in drawn
+
+
+def test_page_says_how_often_the_stated_deviation_holds(written):
+    """With the figure that the benchmark printed for all sets."""
+    pages = Path(__file__).resolve().parents[2] / "docs" / "accuracy.md"
+    _, _, table = pages.read_text("utf-8").partition("<!-- table reliability -->")
+    rows = [row.strip("| ").split(" | ") for row in table.strip().splitlines()]
+    head, mean = rows[0], next(row for row in rows if row[0] == "mean")
+    assert mean[head.index("68%")] == f"{page.WITHIN_DEVIATION}%"
+    sentence = f"{page.WITHIN_DEVIATION} % of the skin lies within one standard"
+    assert sentence in written.read_text("utf-8")

@@ -226,3 +226,13 @@ def test_a_video_cut_short_gives_the_frames_that_are_there(tmp_path):
     found = read_video(path)
     assert 2 <= len(list(found.photos())) < len(PICTURES)
     assert differences(found).max() > ALIKE
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names that are no text")
+def test_a_video_whose_path_is_no_text_is_refused(tmp_path):
+    """OpenCV would end the process."""
+    folder = tmp_path / os.fsdecode(b"caf\xe9")
+    folder.mkdir()
+    clip = write_clip(tmp_path / "a.avi", [np.zeros((48, 48, 3), np.uint8)] * 3)
+    found = read_video(clip.rename(folder / "a.avi"))
+    assert found.code == "unreadable" and "rename it" in found.reason

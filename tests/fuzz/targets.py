@@ -20,11 +20,15 @@ from bsface.batch.record import RECORD, Outcome, recall, summary_csv
 from bsface.cli import info
 from bsface.cli.arguments import parse_settings
 from bsface.errors import PhotoFailure, ReconstructionError
+from bsface.formats import export
 from bsface.formats.face_file import face_bytes, load_face, npz_bytes
+from bsface.formats.mesh_reader import read_mesh_vertices
 from bsface.images.convert import to_srgb
 from bsface.images.decode import Limits, judge_header
 from bsface.images.header import read_header
 from bsface.images.icc import ProfileError, read_profile
+from bsface.images.mask_file import mask_file_beside, with_mask
+from bsface.images.photo import Photo
 from bsface.images.read import read_photo
 from bsface.images.video import read_video
 from bsface.json_text import to_json
@@ -206,6 +210,32 @@ def _photo(data: bytes) -> bool:
     return True
 
 
+def _masks() -> list[bytes]:
+    """Masks of a photo of 40 x 32 pixels: every kind of picture is read as one."""
+    grey = np.zeros((32, 40), np.uint8)
+    grey[8:24, 10:30] = 255
+    half = cv2.resize(grey, (80, 64), interpolation=cv2.INTER_AREA)
+    alpha = np.dstack([grey] * 4)
+    kinds = [(".png", grey), (".png", half), (".png", alpha), (".jpg", grey)]
+    coded = [cv2.imencode(ending, pixels)[1].tobytes() for ending, pixels in kinds]
+    deep = cv2.imencode(".png", grey.astype(np.uint16) * 257)[1].tobytes()
+    return [*coded, deep, heic(np.dstack([half] * 3), quality=50)]
+
+
+def _mask(data: bytes) -> bool:
+    """A photo and the mask that lies beside it."""
+    path = _place() / "masked.jpg"
+    _file("masked.mask.png", data)
+    assert mask_file_beside(path) is not None
+    photo = with_mask(Photo("masked.jpg", path, (40, 32), np.zeros((32, 40, 3), "u1")))
+    if isinstance(photo, PhotoFailure):
+        sentence(photo.reason)
+        return False
+    assert photo.mask is not None and photo.mask.ndim == 2
+    assert 0 <= photo.mask.min() <= photo.mask.max() <= 1
+    return True
+
+
 # --- landmarks, settings -------------------------------------------------------------
 
 
@@ -292,12 +322,39 @@ def _face(data: bytes) -> bool:
     found = _loaded(load_face, ReconstructionError, _file("face.npz", data))
     if found is None:
         return False
+    # A surface that the file may hold is one that a file of another kind may take.
+    _loaded(export, ReconstructionError, _place() / "face.nurbs.obj", found)
     facts = info.summary(found)
     to_json(facts)
     "\n".join(info._lines(facts))
     assert len(found.cameras) == len(found.photos)
     assert len(found.landmarks) in (0, len(found.photos))
     return True
+
+
+# --- meshes ---------------------------------------------------------------------------
+
+
+def _meshes() -> list[bytes]:
+    face = bare_reconstruction()
+    found = []
+    for ending in (".obj", ".ply", ".stl"):
+        path = export(_place() / f"seed{ending}", face, tolerance=2.0)
+        found.append(path.read_bytes())
+    return found
+
+
+def _mesh(data: bytes) -> bool:
+    """The content says little about the kind: each reader gets every file."""
+    taken = False
+    for ending in (".obj", ".ply", ".stl"):
+        path = _file(f"mesh{ending}", data)
+        points = _loaded(read_mesh_vertices, ReconstructionError, path)
+        if points is not None:
+            assert points.ndim == 2 and points.shape[1] == 3 and len(points)
+            assert np.isfinite(points).all()
+            taken = True
+    return taken
 
 
 # --- what a batch remembers ----------------------------------------------------------
@@ -340,6 +397,7 @@ def targets() -> list[Target]:
         Target("HEIC, AVIF, JPEG 2000", mutated(optional), _photo),
         Target("colour profile", mutated(profiles), _profile),
         Target("video", mutated(_clips()), _video),
+        Target("mask file", mutated(_masks()), _mask),
         Target("landmarks .pts", mutated(_landmark_files(".pts")), _landmarks(".pts")),
         Target(
             "landmarks .json", mutated(_landmark_files(".json")), _landmarks(".json")
@@ -348,5 +406,6 @@ def targets() -> list[Target]:
         Target("settings as words", mutated(words), _words),
         Target("template file", inside_zip([_small_template()]), _template),
         Target("face file", inside_zip(_faces()), _face),
+        Target("mesh file", mutated(_meshes()), _mesh),
         Target("record of a batch", mutated(_records()), _record),
     ]

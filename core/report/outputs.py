@@ -1,0 +1,117 @@
+"""What a run is to write, judged before the work is done and not after it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..errors import ReconstructionError
+from ..files import why_not_writable
+from ..formats import WRITERS, ending
+from ..images.folder import is_video, scan_folder
+from ..images.mask_file import mask_file_beside
+from ..landmarks.landmarks import landmark_file_beside
+from .report import report_files
+
+
+def check_outputs(
+    outputs: Sequence[str],
+    *,
+    report: str | None = None,
+    log: str | None = None,
+    photos: str | None = None,
+    recursive: bool = False,
+) -> None:
+    """Refuse what cannot be written, and what would take another file with it.
+
+    Parameters
+    ----------
+    outputs : sequence of str
+        Files whose ending is their format.
+    report, log : str, optional
+        The page, and the log.
+    photos : str, optional
+        Folder or video that is read; none of its files may be written over.
+    recursive : bool
+        Whether the sub-folders are read too.
+
+    Raises
+    ------
+    ValueError
+        With a sentence that names the file.
+    """
+    for name in outputs:
+        found = ending(name)
+        if not found:
+            raise ValueError(
+                f"{name}: unknown ending; choose one of "
+                f"{', '.join(['.npz', *WRITERS])}."
+            )
+        if Path(name).name.lower() == found:
+            raise ValueError(f"{name}: give the file a name before its ending.")
+    if report is not None and Path(report).suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"{report}: the page must end in .html.")
+    asked = [(name, files_of(name)) for name in dict.fromkeys(outputs)]
+    if report is not None:
+        asked.append((report, report_files(report)))
+    if log:
+        # A terminal or /dev/null is a place for a log.
+        special = os.path.exists(log) and not os.path.isfile(log)
+        if os.path.isdir(log) or not special:
+            asked.append((log, (Path(log),)))
+    kept = _identities(_inputs(photos, recursive)) if photos else frozenset()
+    whose: dict[str, int] = {}
+    for number, (name, files) in enumerate(asked):
+        for path in files:
+            why = why_not_writable(path)
+            if why:
+                raise ValueError(f"{path}: {why}.")
+            if _identities([path]) & kept:
+                raise ValueError(
+                    f"{path} belongs to the photos and would be written over; choose "
+                    "another name or folder."
+                )
+            other = whose.setdefault(os.path.realpath(path), number)
+            if other != number:
+                raise ValueError(
+                    f"{asked[other][0]} and {name} would both write {path}; give one "
+                    "of them another name."
+                )
+
+
+def files_of(name: str | os.PathLike) -> tuple[Path, ...]:
+    """The files that a textured face in this format may consist of."""
+    path = Path(name)
+    if ending(path) != ".obj":
+        return (path,)
+    plain = "_".join(path.stem.split())
+    ends = (".mtl", ".png", "_eyes.png")
+    return (path, *(path.with_name(plain + end) for end in ends))
+
+
+def _inputs(photos: str, recursive: bool) -> list[Path]:
+    """Photos and videos with their landmark and mask files."""
+    path = Path(photos)
+    if is_video(path):
+        return [path]
+    try:
+        found = scan_folder(path, recursive)
+    except ReconstructionError:
+        return []  # said by whoever reads the photos
+    beside = [
+        f(p) for p in found.photos for f in (landmark_file_beside, mask_file_beside)
+    ]
+    return [*found.sources, *(p for p in beside if p is not None)]
+
+
+def _identities(paths: Sequence[Path]) -> frozenset[tuple[int, int]]:
+    """What the system knows the files by that are there, whatever their names."""
+    found = set()
+    for path in paths:
+        try:
+            info = path.stat()
+        except (OSError, ValueError):
+            continue
+        found.add((info.st_dev, info.st_ino))
+    return frozenset(found)

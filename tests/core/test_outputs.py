@@ -1,0 +1,153 @@
+"""Outputs that would take another file with them are refused before the work."""
+
+import os
+from pathlib import Path
+
+import pytest
+from bsface.cli.arguments import parse_settings
+from bsface.errors import PhotoFailure, ReconstructionError, one_line
+from bsface.files import is_temporary, replacing, why_not_writable, write_text
+from bsface.formats import load_face
+from bsface.report.log_file import log_file
+from bsface.report.outputs import check_outputs
+from bsface.surface.template import load_template
+from permissions import as_ordinary_user
+
+
+@pytest.fixture
+def photos(tmp_path):
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    for name in ("1.png", "1.json", "1.mask.png", "2.jpg", "clip.mp4"):
+        (folder / name).write_bytes(b"mine")
+    return folder
+
+
+def inside(folder, words):
+    """The arguments of `check_outputs` with all names in a folder."""
+    words = {"outputs": [], **words}
+    outputs = [str(folder / name) for name in words.pop("outputs")]
+    return {"outputs": outputs} | {k: str(folder / name) for k, name in words.items()}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"log": "1.png"},
+        {"log": "1.json"},
+        {"log": "clip.mp4"},
+        {"report": "1.html"},  # with 1.json and 1.png
+        {"outputs": ["1.obj"]},  # with 1.png
+        {"report": "1.mask.html"},
+    ],
+    ids=str,
+)
+def test_no_photo_nor_what_belongs_to_it_is_written_over(photos, words):
+    with pytest.raises(ValueError, match="belongs to the photos"):
+        check_outputs(**inside(photos, words), photos=str(photos))
+
+
+def test_results_may_stand_beside_the_photos_and_be_written_again(photos):
+    for name in ("face.npz", "face.html", "face.json", "face.png"):
+        (photos / name).write_bytes(b"an earlier result")
+    outputs = [str(photos / "face.npz"), str(photos / "sub" / "1.obj")]
+    check_outputs(outputs, report=str(photos / "face2.html"), photos=str(photos))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"outputs": ["a.obj"], "report": "a.html"},  # both write a.png
+        {"outputs": ["a.npz"], "log": "a.npz"},
+        {"outputs": ["a.npz"], "report": "b.html", "log": "b.json"},
+        {"outputs": ["a b.obj", "a_b.obj"]},
+    ],
+    ids=str,
+)
+def test_two_outputs_with_one_file(tmp_path, words):
+    with pytest.raises(ValueError, match="would both write"):
+        check_outputs(**inside(tmp_path, words))
+
+
+def test_the_same_output_twice_is_one_output(tmp_path):
+    check_outputs([str(tmp_path / "a.npz")] * 2)
+
+
+@pytest.mark.parametrize("name", [".npz", "x/.nurbs.obj", ".STEP"])
+def test_an_ending_alone_is_no_name(name):
+    with pytest.raises(ValueError, match="a name before its ending"):
+        check_outputs([name])
+
+
+def test_what_goes_with_an_output_is_judged_too(tmp_path):
+    (tmp_path / "a.json").mkdir()
+    (tmp_path / "b.mtl").mkdir()
+    with pytest.raises(ValueError, match=r"a\.json: is a folder"):
+        check_outputs([], report=str(tmp_path / "a.html"))
+    with pytest.raises(ValueError, match=r"b\.mtl: is a folder"):
+        check_outputs([str(tmp_path / "b.obj")])
+
+
+def test_places_where_no_file_can_stand(tmp_path):
+    assert "null" in why_not_writable(tmp_path / "a\0b.npz")
+    os.mkfifo(tmp_path / "pipe.npz")
+    assert "no regular file" in why_not_writable(tmp_path / "pipe.npz")
+    (tmp_path / "kept.npz").write_bytes(b"old")
+    (tmp_path / "kept.npz").chmod(0o444)
+    with as_ordinary_user():
+        assert "write-protected" in why_not_writable(tmp_path / "kept.npz")
+    check_outputs([], log="/dev/null")
+
+
+def test_a_link_stays_and_what_it_leads_to_is_replaced(tmp_path):
+    (tmp_path / "there").mkdir()
+    real, link = tmp_path / "there" / "real.txt", tmp_path / "link.txt"
+    real.write_text("old")
+    link.symlink_to(real)
+    write_text(link, "new")
+    assert link.is_symlink() and real.read_text() == "new"
+    assert os.listdir(tmp_path / "there") == ["real.txt"]
+
+
+def test_unfinished_files_are_known_by_their_names(tmp_path):
+    for name in ("face.npz", "summary.csv", "x" * 200 + ".obj", "no ending"):
+        with replacing(tmp_path / name) as temporary:
+            assert is_temporary(temporary.name)
+    for name in (".my-notes", ".git-credentials", "a-12345678.npz", ".a-1234567g.npz"):
+        assert not is_temporary(name)
+
+
+@pytest.mark.parametrize("load", [load_face, load_template])
+def test_a_pipe_or_a_device_is_no_file_to_read(tmp_path, load):
+    """To open a pipe, or to read /dev/zero, takes for ever."""
+    os.mkfifo(tmp_path / "pipe.npz")
+    for path in (tmp_path / "pipe.npz", "/dev/zero"):
+        with pytest.raises((ReconstructionError, ValueError), match="no regular file"):
+            load(path)
+
+
+def test_a_log_on_a_full_disk_is_a_sentence(capfd):
+    if not os.path.exists("/dev/full"):
+        pytest.skip("needs /dev/full")
+    with (
+        pytest.raises(ReconstructionError, match=r"the log cannot be written \(No sp"),
+        log_file(Path("/dev/full"), "test") as log,
+    ):
+        log.info("a line")
+    assert capfd.readouterr().err == ""
+
+
+def test_sentences_stay_on_one_line_and_steer_no_terminal():
+    name = "a\nb\x1b[2J\udcff.jpg"
+    for text in (
+        str(ReconstructionError(f"{name}: bad.")),
+        PhotoFailure(name, "unreadable", f"{name} is bad.").reason,
+    ):
+        assert text.isprintable() and r"a\nb\x1b[2J\udcff.jpg" in text
+    assert one_line("größe 脸 🙂") == "größe 脸 🙂"
+
+
+def test_words_of_set_that_are_no_json():
+    for word in ("lam=" + "[" * 100_000, "=5", "="):
+        with pytest.raises(ValueError):
+            parse_settings([word])
