@@ -4,8 +4,7 @@
     python docs/texture_page.py
 
 Reads ``out/texture/texture.csv`` and ``out/detail/detail.csv``, rewrites the tables of
-the page, and copies
-``out/texture/comparison.png`` to ``docs/images/texture.jpg``.
+the page, and copies ``out/texture/comparison.png`` to ``docs/images/texture.jpg``.
 """
 
 from __future__ import annotations
@@ -61,8 +60,9 @@ def errors(rows: list[Row]) -> str:
 
 
 def detail(rows: list[Row]) -> str:
-    """A row a set and number of photos."""
-    return markdown(rows, [("set", "set")], DETAIL)
+    """A row a set and number of photos; few photos leave no photo to compare with."""
+    known = [{k: "" if v == "nan" else v for k, v in row.items()} for row in rows]
+    return markdown(known, [("set", "set")], DETAIL)
 
 
 if __name__ == "__main__":
