@@ -32,6 +32,8 @@ class FileToWrite:
         Packed file of the map on the surface; empty for none.
     blender : tuple of str
         See `fbx_file.program`; for FBX files.
+    detail : bytes
+        The same of the normal map.
     """
 
     path: Path
@@ -39,6 +41,7 @@ class FileToWrite:
     options: ExportOptions
     picture: bytes = b""
     blender: tuple[str, ...] = ()
+    detail: bytes = b""
 
 
 def with_ending(path: str, kind: str) -> str:
@@ -57,6 +60,9 @@ def write(wanted: FileToWrite) -> Path:
         if wanted.picture:
             texture = write_map(Path(folder) / "texture.png", wanted.picture)
             options = replace(options, texture=texture)
+        if wanted.detail:
+            normals = write_detail(Path(folder) / "normal.png", wanted.detail)
+            options = replace(options, normals=normals)
         if _ending(str(wanted.path)) == fbx_file.ENDING:
             return _write_fbx(wanted, options)
         return export(wanted.path, wanted.face.read(), options=options)
@@ -76,6 +82,17 @@ def _write_fbx(wanted: FileToWrite, options: ExportOptions) -> Path:
     )
     return fbx_file.write_fbx(
         wanted.path, mesh, options.name, wanted.blender, options.texture
+    )
+
+
+def write_detail(path: Path, png: bytes) -> Path:
+    """Write the packed normal map for UVs whose v runs up: rows and green turned."""
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    values = picture[::-1, :, ::-1] / 65535
+    values[..., 1] = 1 - values[..., 1]
+    # Half a step is rounded up, also where 16 bits have no middle.
+    return write_bytes(
+        path, encode_png(np.floor(values * 255 + 0.503).astype(np.uint8))
     )
 
 

@@ -8,7 +8,7 @@ they are transparent.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -20,7 +20,10 @@ from ..core.drawing.pictures import colour_map, encode_png
 from ..core.images.colour import to_picture
 from ..core.result import Reconstruction
 from ..core.surface.bspline import BSplineSurface, dense_basis
+from ..core.surface.template import Template
 from ..core.texture.bake import Texture
+from ..core.texture.detail import Detail, normal_picture
+from ..core.texture.head import head_picture
 
 RESOLUTION = 512
 # Relative difference between photo and surface that gets the last colour.
@@ -63,6 +66,8 @@ def all_maps(result: Reconstruction, texture: Texture | None = None) -> dict[str
         "NORMALS": normals(result.surface, outline),
     }
     residual = None
+    if texture is not None and texture.detail is not None:
+        found["DETAIL"] = detail_map(texture.detail)
     if texture is not None:
         found["SKIN"] = painted(to_picture(texture.albedo), outline)
         found["PHOTO"] = painted(to_picture(texture.mean), outline)
@@ -102,10 +107,25 @@ def normals(surface: BSplineSurface, outline_uv: Array) -> Map:
     )
 
 
+def detail_map(detail: Detail) -> Map:
+    """The normal map for Blender's UVs, whose v runs down the face: green too."""
+    picture = normal_picture(
+        replace(detail, normals=detail.normals * np.array([1, -1, 1], np.float32)), 16
+    )
+    return Map(encode_png(np.ascontiguousarray(picture[::-1])))
+
+
 def painted(pixels: NDArray[np.uint8], outline_uv: Array, legend: str = "") -> Map:
     """A `Map` of an (h, w, 3) picture whose row j is v_j, cut out at the outline."""
     rgba = np.dstack([pixels, inside(outline_uv, *pixels.shape[:2])])
     return Map(encode_png(np.ascontiguousarray(rgba[::-1])), legend)
+
+
+def head(png: bytes, template: Template) -> bytes:
+    """The picture of a head, from the packed file of a map."""
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    made = head_picture(picture[::-1, :, ::-1], template)
+    return encode_png(np.ascontiguousarray(made[::-1]))
 
 
 def inside(outline_uv: Array, height: int, width: int) -> NDArray[np.uint8]:

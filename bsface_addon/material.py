@@ -21,6 +21,8 @@ MAPS = {
     "RESIDUAL": ("Residual", False),
     "DEVIATION": ("Deviation", False),
 }
+# A tangent-space normal map: never shown as colours, always on the lit skin.
+DETAIL = "DETAIL"
 PLAIN = (0.62, 0.42, 0.33, 1.0)
 KIND_KEY = "bsface_map"
 LEGEND_KEY = "bsface_legend"
@@ -55,15 +57,18 @@ def store_map(face: bpy.types.Object, kind: str, found: Map) -> bpy.types.Image:
     Parameters
     ----------
     kind : str
-        A key of `MAPS`, or "PLAIN".
+        A key of `MAPS`, "PLAIN" or `DETAIL`.
     found : Map
     """
-    name = "Plain" if kind == "PLAIN" else MAPS[kind][0]
+    name = kind.title() if kind in ("PLAIN", DETAIL) else MAPS[kind][0]
     node = _node(face, kind)
     old = node.image
     image = packed_image(f"{face.name} {name}", found.png)
     image[KIND_KEY], image[LEGEND_KEY] = kind, found.legend
-    _cut(image, is_trimmed(face))
+    if kind == DETAIL:
+        image.colorspace_settings.name = "Non-Color"
+    else:
+        _cut(image, is_trimmed(face))
     node.image = image
     if old is not None and old.users == 0:
         title = old.name
@@ -75,8 +80,8 @@ def store_map(face: bpy.types.Object, kind: str, found: Map) -> bpy.types.Image:
 def drop_others(face: bpy.types.Object, kinds: Container[str]) -> None:
     """Remove maps of an earlier run that the newest one could not make."""
     nodes = of_face(face).node_tree.nodes
-    for kind in stored_kinds(face):
-        if kind not in kinds:
+    for kind in (*stored_kinds(face), DETAIL):
+        if kind not in kinds and kind in nodes:
             if shown(face) == kind:
                 show(face, "PLAIN")
             image = nodes[kind].image
@@ -99,7 +104,7 @@ def stored_kinds(face: bpy.types.Object) -> list[str]:
 
 def images(face: bpy.types.Object) -> list[bpy.types.Image]:
     """The images of all maps."""
-    found = (stored_map(face, kind) for kind in (*MAPS, "Plain"))
+    found = (stored_map(face, kind) for kind in (*MAPS, DETAIL, "Plain"))
     return [image for image in found if image is not None]
 
 
@@ -224,8 +229,20 @@ def _node(face: bpy.types.Object, kind: str) -> bpy.types.Node:
     node = nodes.get(kind)
     if node is None:
         node = nodes.new("ShaderNodeTexImage")
-        node.name, node.label = kind, MAPS[kind][0]
-        node.location = (-340, -300 * list(MAPS).index(kind))
+        kinds = [*MAPS, DETAIL]
+        node.name = kind
+        node.label = kind.title() if kind == DETAIL else MAPS[kind][0]
+        node.location = (-340, -300 * kinds.index(kind))
         # The surface ends at its own border; repeating would bleed the other side in.
         node.extension = "EXTEND"
+        if kind == DETAIL:
+            _bend_normals(of_face(face).node_tree, node)
     return node
+
+
+def _bend_normals(tree: bpy.types.NodeTree, picture: bpy.types.Node) -> None:
+    """Let a tangent-space normal map turn the normals of the skin."""
+    bend = tree.nodes.get("Normal Map") or tree.nodes.new("ShaderNodeNormalMap")
+    bend.name, bend.location = "Normal Map", (-120, picture.location.y)
+    tree.links.new(picture.outputs["Color"], bend.inputs["Color"])
+    tree.links.new(bend.outputs["Normal"], tree.nodes["Skin"].inputs["Normal"])

@@ -11,6 +11,7 @@ import numpy as np
 from ..core.drawing.pictures import encode_png
 from ..core.rig.eyes import iris_picture
 from ..core.rig.mesh import PARTS, QuadMesh
+from . import material as face_material
 from . import surface_object
 from .packed_image import packed_image
 
@@ -36,7 +37,12 @@ def local_mesh(made: QuadMesh, unit: float | None) -> QuadMesh:
     return replace(made, points=points.astype(np.float32), keys=keys)
 
 
-def add(face: bpy.types.Object, local: QuadMesh) -> bpy.types.Object:
+def add(
+    face: bpy.types.Object,
+    local: QuadMesh,
+    kind: str = "mesh",
+    skin: bpy.types.Material | None = None,
+) -> bpy.types.Object:
     """Make a mesh object at the face's place, with its material.
 
     Parameters
@@ -44,6 +50,10 @@ def add(face: bpy.types.Object, local: QuadMesh) -> bpy.types.Object:
     face : bpy.types.Object
     local : QuadMesh
         See `local_mesh`; its keys are places, not movements.
+    kind : str
+        What the object is called besides the name of the face.
+    skin : bpy.types.Material, optional
+        By default the face's own.
 
     Returns
     -------
@@ -51,11 +61,12 @@ def add(face: bpy.types.Object, local: QuadMesh) -> bpy.types.Object:
         With vertex groups of the regions, and the keys as shape keys.
     """
     # As on the surface itself: v of the picture runs down from its bottom row.
-    obj = _object(f"{face.name} mesh", local)
-    obj[MARK] = "mesh"
-    skin = next(iter(face.data.materials), None)
+    obj = _object(f"{face.name} {kind}", local)
+    obj[MARK] = kind
+    if skin is None:
+        skin = next(iter(face.data.materials), None)
     for part in _parts(local):
-        obj.data.materials.append(skin if part == "skin" else _part_material(part))
+        obj.data.materials.append(skin if part == "skin" else _material(part))
     for collection in face.users_collection:
         collection.objects.link(obj)
     obj.matrix_world = face.matrix_world
@@ -81,10 +92,12 @@ def stand_alone(name: str, made: QuadMesh, texture: Path | None) -> bpy.types.Ob
     obj = _object(name, local)
     for part in _parts(made):
         if part == "skin":
-            image = None if texture is None else bpy.data.images.load(str(texture))
-            material = _plain_material(f"{name} skin", image)
+            material = _plain(f"{name} skin")
+            if texture is not None:
+                # From its file: exporters find no others.
+                _paint(material, bpy.data.images.load(str(texture)))
         else:
-            material = _part_material(part)
+            material = _material(part)
         obj.data.materials.append(material)
     return obj
 
@@ -129,39 +142,58 @@ def _fill(mesh: bpy.types.Mesh, points: np.ndarray, quads: np.ndarray) -> None:
     mesh.validate()
 
 
-def _part_material(part: str) -> bpy.types.Material:
-    """The material of eyes or mouth; all faces share it."""
+def head_skin(face: bpy.types.Object, png: bytes) -> bpy.types.Material:
+    """The material of the face's head.
+
+    Parameters
+    ----------
+    face : bpy.types.Object
+    png : bytes
+        The head's picture, its last row the top; empty for the colour of a face
+        without a map.
+    """
+    material = _plain(f"{face.name} head")
+    if png:
+        _paint(material, packed_image(material.name, png))
+    else:
+        colour = face_material.PLAIN
+        _shader(material).inputs["Base Color"].default_value = colour
+        material.diffuse_color = colour
+    return material
+
+
+def _material(part: str) -> bpy.types.Material:
+    """The material of all eyes, or of all mouths."""
     name = f"BSface {part}"
     found = bpy.data.materials.get(name)
     if found is not None:
         return found
+    material = _plain(name)
+    shader = _shader(material)
     if part == "mouth":
-        material = _plain_material(name)
-        material.diffuse_color = MOUTH
-        _shader(material).inputs["Base Color"].default_value = MOUTH
+        material.diffuse_color = shader.inputs["Base Color"].default_value = MOUTH
         return material
-    material = _plain_material(name, packed_image(name, encode_png(iris_picture())))
-    _shader(material).inputs["Roughness"].default_value = 0.1
+    shader.inputs["Roughness"].default_value = 0.1
+    _paint(material, packed_image(name, encode_png(iris_picture())))
     return material
 
 
-def _plain_material(
-    name: str, image: bpy.types.Image | None = None
-) -> bpy.types.Material:
-    """Blender's own shader, coloured by a picture."""
+def _plain(name: str) -> bpy.types.Material:
     material = bpy.data.materials.new(name)
     if material.node_tree is None:
         material.use_nodes = True  # before Blender 5.0; deprecated since
-    if image is not None:
-        nodes, links = material.node_tree.nodes, material.node_tree.links
-        picture = nodes.new("ShaderNodeTexImage")
-        picture.image = image
-        shader = _shader(material)
-        links.new(picture.outputs["Color"], shader.inputs["Base Color"])
-        nodes.active = picture
     return material
 
 
 def _shader(material: bpy.types.Material) -> bpy.types.Node:
     nodes = material.node_tree.nodes
     return next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+
+
+def _paint(material: bpy.types.Material, image: bpy.types.Image) -> None:
+    """Give a material the colours of a picture."""
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    picture = nodes.new("ShaderNodeTexImage")
+    picture.image = image
+    links.new(picture.outputs["Color"], _shader(material).inputs["Base Color"])
+    nodes.active = picture

@@ -155,6 +155,7 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
         column.operator("bsface.surface_symmetrise", icon="MOD_MIRROR")
         column.operator("bsface.surface_resample", icon="MESH_GRID")
         column.operator("bsface.surface_to_mesh", icon="MESH_DATA")
+        column.operator("bsface.full_head", icon="USER")
         layout.operator("bsface.face_remove", icon="TRASH")
 
 

@@ -32,6 +32,7 @@ from .settings import Settings
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
 from .texture.bake import Texture, bake_texture, write_texture
+from .texture.detail import Detail, write_displacement, write_normals
 from .track import TrackedPhoto, Tracking, track
 from .versions import VERSION
 
@@ -47,6 +48,7 @@ __all__ = [
     "Cancelled",
     "Comparison",
     "Constraint",
+    "Detail",
     "FailureCode",
     "Landmarks",
     "Photo",
@@ -72,7 +74,9 @@ __all__ = [
     "read_landmarks",
     "reconstruct",
     "track",
+    "write_displacement",
     "write_landmarks",
+    "write_normals",
     "write_report",
     "write_texture",
 ]

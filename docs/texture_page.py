@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Put the numbers and the picture of ``benchmarks/texture.py`` into docs/texture.md.
+"""Put what the benchmarks of texture and detail printed into docs/texture.md.
 
     python docs/texture_page.py
 
-Reads ``out/texture/texture.csv``, rewrites the table of the page, and copies
+Reads ``out/texture/texture.csv`` and ``out/detail/detail.csv``, rewrites the tables of
+the page, and copies
 ``out/texture/comparison.png`` to ``docs/images/texture.jpg``.
 """
 
@@ -23,10 +24,25 @@ COLUMNS = (
     ("same", "against plain, relit", "+.0%"),
 )
 
+DETAIL = (
+    ("photos", "photos", ".0f"),
+    ("flat", "normals without, degrees", ".2f"),
+    ("bent", "with", ".2f"),
+    ("left_flat", "left-out photos without", ".4f"),
+    ("left_bent", "with", ".4f"),
+    ("left_gain", "change, %", "+.2f"),
+)
+
 
 def main() -> None:
     """Fill the table and copy the picture."""
-    fill(PAGE, {"texture": ("texture/texture.csv", errors)})
+    fill(
+        PAGE,
+        {
+            "texture": ("texture/texture.csv", errors),
+            "detail": ("detail/detail.csv", detail),
+        },
+    )
     picture = cv2.imread(str(OUT / "texture" / "comparison.png"))
     if picture is not None:
         target = ROOT / "docs" / "images" / "texture.jpg"
@@ -42,6 +58,11 @@ def errors(rows: list[Row]) -> str:
         same = albedo / float(row["plain_relit"]) - 1
         lines.append({**row, "gain": gain, "same": same})
     return markdown(lines, [("photos", "folder")], COLUMNS)
+
+
+def detail(rows: list[Row]) -> str:
+    """A row a set and number of photos."""
+    return markdown(rows, [("set", "set")], DETAIL)
 
 
 if __name__ == "__main__":

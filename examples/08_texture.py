@@ -23,6 +23,11 @@ def main(photos, out, settings=None, size=None):
     )
     bsface.write_texture(out / "mean.png", texture.mean)
 
+    # What is finer than the control net: directions, and millimetres along the normal.
+    bsface.write_normals(out / "normal.png", texture.detail)
+    bsface.write_displacement(out / "displacement.png", texture.detail)
+    print(f"relief of {texture.detail.displacement.std():.3f} mm (standard deviation)")
+
     picture = to_picture(texture.mean)
     views = render_views(result.surface, result.template, colours=picture, shading=0.0)
     print("wrote", write_png(out / "textured.png", views))

@@ -67,9 +67,12 @@ def other_skin(uv: np.ndarray) -> np.ndarray:
 
 
 def painted_reconstruction(
-    count: int = 8, side: int = 200, seed: int = 2
+    count: int = 8, side: int = 200, seed: int = 2, height=None
 ) -> Reconstruction:
-    """Photos drawn of `skin_pattern` under one soft light each, poses known."""
+    """Photos drawn of `skin_pattern` under one soft light each, poses known.
+
+    ``height(u, v)``: what stands out of the surface, mm; drawn by its normals only.
+    """
     from bsface.camera.camera import Camera
     from bsface.drawing import render
     from bsface.drawing.rasterize import rasterize
@@ -101,6 +104,8 @@ def painted_reconstruction(
         )
         uv = raster.interpolate(grid.uv, grid.triangles)
         normal = raster.interpolate(grid.normals, grid.triangles)
+        if height is not None:
+            normal = displaced_normals(surface, height, *uv.T)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         picture = np.full((side, side, 3), 0.05 + 0.1 * rng.random())
         shading = np.maximum(harmonics.basis(normal) @ light, 0.02)
@@ -138,6 +143,18 @@ def painted_reconstruction(
         warnings=("All photos were taken from the front; add some from the side.",),
         seconds={"photos": 1.5, "refine": 3.0},
     )
+
+
+def displaced_normals(surface: BSplineSurface, height, u, v, step: float = 1e-4):
+    """Unit normals (..., 3) of the displaced surface, by central differences."""
+
+    def point(u, v):
+        return surface.evaluate(u, v) + height(u, v)[..., None] * surface.normals(u, v)
+
+    along_u = point(u + step, v) - point(u - step, v)
+    along_v = point(u, v + step) - point(u, v - step)
+    normal = np.cross(along_v, along_u)
+    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
 
 def bare_reconstruction() -> Reconstruction:

@@ -93,6 +93,11 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
         description="The skin with the OBJ mesh, in glTF and in FBX",
         default=True,
     )
+    head: BoolProperty(
+        name="Full Head",
+        description="The whole head instead of the face, in glTF and OBJ mesh",
+        default=False,
+    )
     density: DENSITY
     openings: OPENINGS
     keys: KEYS
@@ -123,21 +128,22 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
             trimmed=self.trimmed,
             tolerance=self.tolerance,
             name=face.name,
+            head=self.head,
             density=self.density.lower(),
             keys=self.keys,
             openings=self.openings,
             thickness=self.thickness,
         )
-        skin = material.stored_map(face, "SKIN")
-        packed = skin.packed_file if skin is not None else None
-        picture = packed.data if packed is not None and self.texture else b""
-        return FileToWrite(
-            Path(path),
-            face_file.stored(face),
-            options,
-            picture,
-            fbx_file.program(bpy.app.binary_path),
-        )
+        pictures = {}
+        if self.texture:
+            kinds = {"picture": "SKIN", "detail": material.DETAIL}
+            for use, kind in kinds.items():
+                image = material.stored_map(face, kind)
+                if image is not None and image.packed_file is not None:
+                    pictures[use] = image.packed_file.data
+        program = fbx_file.program(bpy.app.binary_path)
+        stored = face_file.stored(face)
+        return FileToWrite(Path(path), stored, options, blender=program, **pictures)
 
 
 class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):

@@ -1,4 +1,4 @@
-"""What others animate: a mesh of quads with eyes and mouth, and the ARKit keys."""
+"""What others animate: a mesh of the face or of the whole head, and the ARKit keys."""
 
 from __future__ import annotations
 
@@ -9,8 +9,18 @@ from bpy.props import BoolProperty, EnumProperty
 
 from ...core.errors import ReconstructionError
 from ...core.rig.arkit import arkit_keys
+from ...core.rig.head import full_head
 from ...core.rig.mesh import quad_mesh
-from .. import face_file, mesh_copy, messages, photo_expression, scene, surface_object
+from .. import (
+    face_file,
+    maps,
+    material,
+    mesh_copy,
+    messages,
+    photo_expression,
+    scene,
+    surface_object,
+)
 from ..face_file import StoredFace
 from .running import LongOperator
 from .surface import ChangingOperator
@@ -88,6 +98,65 @@ class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operat
         self.report({"INFO"}, messages.MESH.format(count=len(made.data.polygons)))
 
 
+@dataclass(frozen=True)
+class HeadRequest:
+    """A head of a face.
+
+    Attributes
+    ----------
+    face : StoredFace
+    density : str
+    keys : bool
+    picture : bytes
+        Packed file of the face's skin; empty for none.
+    unit : float or None
+        The object's units per millimetre.
+    """
+
+    face: StoredFace
+    density: str
+    keys: bool
+    picture: bytes
+    unit: float | None
+
+
+class BSFACE_OT_full_head(ChangingOperator, LongOperator, bpy.types.Operator):
+    """Make a mesh of the whole head, with ears, skull and neck; the surface stays"""
+
+    bl_idname = "bsface.full_head"
+    bl_label = "Make Full Head"
+    bl_options = {"UNDO"}
+
+    density: DENSITY
+    keys: KEYS
+
+    def prepare(self, context):
+        face = scene.active_face(context)
+        skin = material.stored_map(face, "SKIN")
+        packed = skin.packed_file if skin is not None else None
+        picture = packed.data if packed is not None else b""
+        stored = face_file.stored(face)
+        unit = face.get(surface_object.UNIT_KEY)
+        return HeadRequest(stored, self.density.lower(), self.keys, picture, unit)
+
+    @staticmethod
+    def work(solver, request, progress):
+        face = request.face.read()
+        head = full_head(face, request.density, keys=request.keys)
+        picture = maps.head(request.picture, face.template) if request.picture else b""
+        return mesh_copy.local_mesh(head, request.unit), picture
+
+    def deliver(self, context, request, outcome):
+        face = scene.active_face(context)
+        if face is None:
+            raise ReconstructionError(messages.NO_FACE_OBJECT)
+        head, picture = outcome
+        with scene.all_or_nothing(context):
+            skin = mesh_copy.head_skin(face, picture)
+            made = mesh_copy.add(face, head, "head", skin)
+        self.report({"INFO"}, messages.HEAD.format(count=len(made.data.polygons)))
+
+
 class BSFACE_OT_arkit_keys(ChangingOperator, LongOperator, bpy.types.Operator):
     """Add the 52 ARKit expressions as shape keys, scaled to this person"""
 
@@ -115,5 +184,5 @@ class BSFACE_OT_arkit_keys(ChangingOperator, LongOperator, bpy.types.Operator):
         self.report({"INFO"}, messages.KEYS.format(count=len(outcome)))
 
 
-CLASSES = (BSFACE_OT_surface_to_mesh, BSFACE_OT_arkit_keys)
+CLASSES = (BSFACE_OT_surface_to_mesh, BSFACE_OT_full_head, BSFACE_OT_arkit_keys)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -191,7 +191,7 @@ def _write(
             )
             files.append("report.png")
         elif name == "texture.png":
-            texture = bake_texture(face)
+            texture = bake_texture(face, detail=False)
             write_texture(path, texture.albedo, mask=texture.measured)
         elif name == "face.npz":
             face.save(path, date=DATE)

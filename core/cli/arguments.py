@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..files import why_not_writable
-from ..formats import WRITERS, ending
+from ..formats import HEAD_ENDINGS, WRITERS, ending
 from ..settings import Settings
 
 
@@ -57,3 +57,15 @@ def check_outputs(
         why = why_not_writable(Path(name)) if name else ""
         if why:
             raise ValueError(f"{name}: {why}.")
+
+
+def check_head(wanted: bool, outputs: Sequence[str]) -> None:
+    """Refuse ``--head`` where no format can hold a head.
+
+    Raises
+    ------
+    ValueError
+        With a sentence that names the formats.
+    """
+    if wanted and not any(ending(name) in HEAD_ENDINGS for name in outputs):
+        raise ValueError(f"--head needs a file {' or '.join(HEAD_ENDINGS)}.")

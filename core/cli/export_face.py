@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ..errors import ReconstructionError
 from ..formats import ExportOptions, ending, export, load_face
 from ..formats.options import FIXED_DATE
-from .arguments import check_outputs
+from .arguments import check_head, check_outputs
 from .terminal import say
 
 
@@ -40,6 +40,11 @@ def parser() -> argparse.ArgumentParser:
         help="of solids (.stl, .3mf), default 2",
     )
     p.add_argument("--texture", metavar="PICTURE", help="in .glb and .obj")
+    p.add_argument(
+        "--head", action="store_true", help="the whole head, in .glb and .obj"
+    )
+    p.add_argument("--normals", metavar="PICTURE", help="normal map in .glb and .obj")
+    p.add_argument("--displacement", metavar="PICTURE", help="in .obj")
     p.add_argument("--author", default="", help="in .step and .iges")
     p.add_argument("--date", default=FIXED_DATE, help="in .step and .iges")
     p.add_argument(
@@ -63,6 +68,7 @@ def main(argv: Sequence[str]) -> int:
         check_outputs(args.output)
         if any(ending(name) == ".npz" for name in args.output):
             raise ValueError("The face is a .npz file already; copy it.")
+        check_head(args.head, args.output)
         if not args.tolerance > 0:
             raise ValueError(
                 f"--tolerance must be a positive length, not {args.tolerance:g}."
@@ -77,6 +83,9 @@ def main(argv: Sequence[str]) -> int:
             tolerance=args.tolerance,
             name=args.name,
             texture=args.texture,
+            head=args.head,
+            normals=args.normals,
+            displacement=args.displacement,
             thickness=args.thickness,
             author=args.author,
             date=args.date,

@@ -8,6 +8,7 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ..errors import Cancelled, ReconstructionError, out_of_memory
@@ -20,8 +21,9 @@ from ..report.report import report_files, write_report
 from ..result import Reconstruction
 from ..surface.template import load_template
 from ..texture.bake import bake_texture, write_texture
+from ..texture.detail import write_displacement, write_normals
 from ..threads import one_blas_thread, take_working_space
-from .arguments import check_outputs, parse_settings
+from .arguments import check_head, check_outputs, parse_settings
 from .bar import Bar
 from .terminal import say, write_out
 
@@ -67,6 +69,9 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument(
         "--recursive", action="store_true", help="also the photos of the sub-folders"
+    )
+    p.add_argument(
+        "--head", action="store_true", help="the whole head, in .glb and .obj"
     )
     p.add_argument("--report", help="also write a page to look at (.html)")
     p.add_argument("--template", help="another template file (.npz)")
@@ -116,6 +121,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
             before = load_face(args.start)
             template, constraint = before.surface, before.constraint
         check_outputs(args.output, report=args.report, log=args.log)
+        check_head(args.head, args.output)
     except (ReconstructionError, ValueError) as error:
         say(str(error))
         return 2
@@ -139,7 +145,8 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
             for row in face.reports:
                 if row.status != "used":
                     logger.info("%s: %s", row.name, row.reason)
-            with _textured(face, args.output) as options:
+            with _textured(face, args.output) as plain:
+                options = replace(plain, head=args.head)
                 for name in args.output:
                     written.append(export(name, face, options=options))
                     logger.info("%s written", name)
@@ -181,9 +188,16 @@ def _textured(face: Reconstruction, outputs: Sequence[str]) -> Iterator[ExportOp
         yield ExportOptions()
         return
     with tempfile.TemporaryDirectory() as folder:
-        picture = Path(folder) / "texture.png"
-        write_texture(picture, bake_texture(face).mean)
-        yield ExportOptions(texture=picture)
+        names = ("texture.png", "normal.png", "displacement.png")
+        skin, normals, displacement = (Path(folder) / name for name in names)
+        texture = bake_texture(face)
+        write_texture(skin, texture.mean)
+        if texture.detail is None:
+            yield ExportOptions(texture=skin)
+            return
+        write_normals(normals, texture.detail)
+        write_displacement(displacement, texture.detail)
+        yield ExportOptions(texture=skin, normals=normals, displacement=displacement)
 
 
 def _failed(args: argparse.Namespace, bar: Bar | None, sentence: str) -> int:

@@ -10,7 +10,9 @@ from pathlib import Path
 from .._types import Array
 from ..errors import ReconstructionError
 from ..result import Reconstruction
+from ..rig.head import full_head
 from ..rig.mesh import quad_mesh
+from ..texture.head import FLAT, head_texture
 from .exchange import ExchangeCurve
 from .face_file import load_face, save_face
 from .glb import write_glb
@@ -19,6 +21,7 @@ from .mesh import write_mesh_obj, write_mesh_ply
 from .obj import write_freeform_obj
 from .options import ExportOptions, Stamp
 from .printing import write_3mf, write_stl
+from .quad_obj import write_quads_obj
 from .rhino import write_3dm
 from .solid import solid
 from .step import write_step
@@ -56,7 +59,17 @@ def _freeform_obj(path: Path, face: Reconstruction, options: ExportOptions) -> P
     return write_freeform_obj(path, face.surface, outline, name)
 
 
+def _head_texture(face: Reconstruction, options: ExportOptions) -> bytes | None:
+    if options.texture is None:
+        return None
+    return head_texture(options.texture, face.template)
+
+
 def _obj(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    if options.head:
+        mesh = full_head(face, options.density, keys=False)
+        texture = _head_texture(face, options)
+        return write_quads_obj(path, mesh, _name(path, options), texture)
     return write_mesh_obj(
         path,
         face.surface,
@@ -64,6 +77,8 @@ def _obj(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
         _name(path, options),
         tolerance=options.tolerance,
         texture=options.texture,
+        normals=options.normals,
+        displacement=options.displacement,
     )
 
 
@@ -73,6 +88,12 @@ def _ply(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
 
 
 def _glb(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
+    if options.head:
+        mesh = full_head(face, options.density, keys=options.keys)
+        texture, normals = _head_texture(face, options), None
+        if options.normals is not None:
+            normals = head_texture(options.normals, face.template, FLAT)
+        return write_glb(path, mesh, _name(path, options), texture, normals)
     mesh = quad_mesh(
         face,
         options.density,
@@ -80,7 +101,7 @@ def _glb(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
         mouth=options.openings,
         keys=options.keys,
     )
-    return write_glb(path, mesh, _name(path, options), options.texture)
+    return write_glb(path, mesh, _name(path, options), options.texture, options.normals)
 
 
 def _solid(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
@@ -109,6 +130,8 @@ WRITERS: dict[str, tuple[str, Writer]] = {
 
 #: Endings whose writers take ``tolerance`` in millimetres.
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".3mf")
+#: Endings whose writers can take the whole head.
+HEAD_ENDINGS = (".glb", ".obj")
 
 
 def ending(path: str | os.PathLike) -> str:
@@ -175,6 +198,7 @@ def export(
 
 
 __all__ = [
+    "HEAD_ENDINGS",
     "MESH_ENDINGS",
     "WRITERS",
     "ExchangeCurve",
@@ -192,6 +216,7 @@ __all__ = [
     "write_iges",
     "write_mesh_obj",
     "write_mesh_ply",
+    "write_quads_obj",
     "write_step",
     "write_stl",
 ]

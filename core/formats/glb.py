@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,8 @@ def write_glb(
     path: str | os.PathLike,
     mesh: QuadMesh,
     name: str = "face",
-    texture: str | os.PathLike | None = None,
+    texture: str | os.PathLike | bytes | None = None,
+    normals: str | os.PathLike | bytes | None = None,
 ) -> Path:
     """Write a quad mesh as ``.glb``.
 
@@ -48,15 +50,18 @@ def write_glb(
     mesh : QuadMesh
     name : str
         Name of node and mesh.
-    texture : path, optional
-        PNG or JPEG picture of the skin over (u, v), row 0 at v = 0; embedded as it is.
+    texture : path or bytes, optional
+        PNG or JPEG picture of the skin over the mesh's ``uv``, row 0 at v = 0; embedded
+        as it is.
+    normals : path or bytes, optional
+        The same for a tangent-space normal map, green up.
 
     Raises
     ------
     ReconstructionError
         When the picture cannot be read or the file cannot be written.
     """
-    return write_bytes(path, glb_bytes(mesh, name, texture))
+    return write_bytes(path, glb_bytes(mesh, name, texture, normals))
 
 
 @dataclass
@@ -156,7 +161,10 @@ class _File:
 
 
 def glb_bytes(
-    mesh: QuadMesh, name: str = "face", texture: str | os.PathLike | None = None
+    mesh: QuadMesh,
+    name: str = "face",
+    texture: str | os.PathLike | bytes | None = None,
+    normals: str | os.PathLike | bytes | None = None,
 ) -> bytes:
     """The bytes of the file; parameters as in :func:`write_glb`."""
     file = _File(
@@ -168,10 +176,11 @@ def glb_bytes(
         },
         bytearray(),
     )
+    skin = {"baseColorTexture": texture, "normalTexture": normals}
     pieces = [_Piece(mesh, k) for k in range(len(PARTS)) if (mesh.part == k).any()]
     primitives = []
     for piece in pieces:
-        material = file.append("materials", _material(file, piece.part, texture))
+        material = file.append("materials", _material(file, piece.part, skin))
         primitives.append(
             {
                 "attributes": {
@@ -235,21 +244,26 @@ class _Piece:
 
 
 def _material(
-    file: _File, part: int, texture: str | os.PathLike | None
+    file: _File, part: int, skin: Mapping[str, str | os.PathLike | bytes | None]
 ) -> dict[str, Any]:
+    """The material of a part; ``skin`` has the skin's pictures by their use."""
     name = PARTS[part]
     surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.55}
-    if name == "skin" and texture is not None:
-        content, ending = read_texture(texture)
-        kind = {".png": "image/png", ".jpg": "image/jpeg"}[ending]
-        surface["baseColorTexture"] = {"index": file.picture(content, kind)}
-    elif name == "skin":
-        surface["baseColorFactor"] = [0.60, 0.40, 0.31, 1.0]
+    # The sheet has no back of its own: seen from behind it shall not vanish.
+    made = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
+    if name == "skin":
+        if skin["baseColorTexture"] is None:
+            surface["baseColorFactor"] = [0.60, 0.40, 0.31, 1.0]
+        for use, path in skin.items():
+            if path is not None:
+                content, ending = read_texture(path)
+                kind = {".png": "image/png", ".jpg": "image/jpeg"}[ending]
+                target = surface if use == "baseColorTexture" else made
+                target[use] = {"index": file.picture(content, kind)}
     elif name == "eyes":
         picture = encode_png(iris_picture())
         surface["baseColorTexture"] = {"index": file.picture(picture, "image/png")}
         surface["roughnessFactor"] = 0.1
     else:
         surface["baseColorFactor"] = [0.16, 0.03, 0.03, 1.0]
-    # The sheet has no back of its own: seen from behind it shall not vanish.
-    return {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
+    return made

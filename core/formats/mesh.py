@@ -282,6 +282,8 @@ def write_mesh_obj(
     *,
     tolerance: float = 0.25,
     texture: str | os.PathLike | None = None,
+    normals: str | os.PathLike | None = None,
+    displacement: str | os.PathLike | None = None,
 ) -> Path:
     """Write a triangle mesh as Wavefront OBJ with texture coordinates and normals.
 
@@ -297,6 +299,10 @@ def write_mesh_obj(
     texture : path, optional
         A PNG or JPEG picture over (u, v). It is copied beside the OBJ under its name,
         and a material file ``.mtl`` refers to it.
+    normals, displacement : path, optional
+        The same for a tangent-space normal map (``norm``, and ``map_Bump`` for
+        Blender) and a displacement (``disp``); their names end in ``_normal`` and
+        ``_displacement``.
 
     Raises
     ------
@@ -308,30 +314,45 @@ def write_mesh_obj(
     path = Path(path)
     mesh = tessellate(surface, outline_uv, tolerance)
     lines = [f"# B-spline face within {tolerance:g} mm, millimetres"]
-    if texture is not None:
-        content, ending = read_texture(texture)
+    pictures = {
+        "map_Kd": ("", texture),
+        "norm": ("_normal", normals),
+        "disp": ("_displacement", displacement),
+    }
+    given = {k: (end, p) for k, (end, p) in pictures.items() if p is not None}
+    if given:
         # Spaces in a file name end the statement in many readers.
         plain = "_".join(path.stem.split())
-        picture = write_bytes(path.with_name(plain + ending), content)
+        colour = "Kd 1 1 1" if texture is not None else "Kd 0.60 0.40 0.31"
+        statements = ["newmtl skin", colour, "Ks 0 0 0", "illum 1"]
+        for statement, (end, source) in given.items():
+            content, ending = read_texture(source)
+            picture = write_bytes(path.with_name(plain + end + ending), content)
+            statements.append(f"{statement} {picture.name}")
+            if statement == "norm":
+                # What Blender writes and reads in its place.
+                statements.append(f"map_Bump -bm 1 {picture.name}")
         material = path.with_name(f"{plain}.mtl")
-        write_text(
-            material,
-            f"newmtl skin\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {picture.name}\n",
-        )
+        write_text(material, "\n".join([*statements, ""]))
         lines.append(f"mtllib {material.name}")
     lines.append(f"o {'_'.join(name.split())}")
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
     lines += [f"vt {u!r} {1.0 - v!r}" for u, v in mesh.uv.tolist()]
     lines += [f"vn {x:.6f} {y:.6f} {z:.6f}" for x, y, z in mesh.normals.tolist()]
-    if texture is not None:
+    if given:
         lines.append("usemtl skin")
     for a, b, c in (mesh.triangles + 1).tolist():
         lines.append(f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}")
     return write_text(path, "\n".join([*lines, ""]))
 
 
-def read_texture(path: str | os.PathLike) -> tuple[bytes, str]:
+def read_texture(path: str | os.PathLike | bytes) -> tuple[bytes, str]:
     """Content of a PNG or JPEG picture and its ending, ".png" or ".jpg".
+
+    Parameters
+    ----------
+    path : path-like or bytes
+        A file, or its content.
 
     Raises
     ------
@@ -339,7 +360,7 @@ def read_texture(path: str | os.PathLike) -> tuple[bytes, str]:
         When it cannot be read or is something else.
     """
     try:
-        content = Path(path).read_bytes()
+        content = path if isinstance(path, bytes) else Path(path).read_bytes()
     except OSError as error:
         raise ReconstructionError(
             f"{path}: the texture cannot be read ({error.strerror}); "

@@ -28,8 +28,14 @@ class ExportOptions:
         Name of the object in the file; by default the file's own.
     texture : path, optional
         A PNG or JPEG picture over (u, v), row 0 at v = 0: ``.obj``, ``.glb``.
+    head : bool
+        The whole head instead of the face: ``.glb``, and ``.obj`` as quads.
+    normals : path, optional
+        A tangent-space normal map over (u, v), green up: ``.obj``, ``.glb``.
+    displacement : path, optional
+        A 16-bit displacement over (u, v), see `write_displacement`: ``.obj``.
     density : str
-        "low", "medium" or "high", of the quads in ``.glb``.
+        "low", "medium" or "high", of the quads in ``.glb`` and of the head.
     keys : bool
         The ARKit keys in ``.glb``.
     openings : bool
@@ -48,6 +54,9 @@ class ExportOptions:
     tolerance: float = 0.25
     name: str | None = None
     texture: str | os.PathLike | None = None
+    head: bool = False
+    normals: str | os.PathLike | None = None
+    displacement: str | os.PathLike | None = None
     density: str = "medium"
     keys: bool = True
     openings: bool = True

@@ -84,7 +84,9 @@ def write_report(
     path = report_files(path)[0]
     tell = progress or (lambda fraction: None)
     if texture is None and textured and reconstruction.photos:
-        texture = bake_texture(reconstruction, TEXTURE_SIZE, lambda x: tell(0.5 * x))
+        texture = bake_texture(
+            reconstruction, TEXTURE_SIZE, lambda x: tell(0.5 * x), detail=False
+        )
     facts = result_facts(
         reconstruction,
         title=title or folder_name(reconstruction) or path.stem,

@@ -8,7 +8,7 @@ lies on the surface; the surface itself stays one sheet.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,7 +26,7 @@ from .arkit import (
     units_for,
 )
 from .eyes import EYE_DISTANCE_MM, Eyeball, fit_eyeball, sphere, turned
-from .grid import Slit, SlitGrid, slit_grid
+from .grid import Slit, slit_grid
 from .names import ARKIT_NAMES
 from .pockets import bag_movement, lid_rim, mouth_bag
 
@@ -106,43 +106,55 @@ def quad_mesh(
     if mouth:
         slits.append(Slit(units.lips_uv, units.lips_uv))
     grid = slit_grid(face.template.outline_uv, tuple(slits), (nu, nv))
-    builder = _Builder(face, units, grid, mouth)
-    if eyes:
-        for k in range(2):
-            builder.add_eye(k, ball_cells)
-    if mouth:
-        builder.add_mouth()
-    return builder.mesh(keys)
+    # The lips part; without a mouth the sheet's own keys are right.
+    lip_side = grid.side[-1] if mouth else np.zeros(len(grid.uv))
+    sheet = SurfaceSkin(face, units, grid.uv, lip_side)
+    groups = regions(grid.uv, units)
+    lids = tuple(
+        np.concatenate([upper, lower[-2:0:-1]])
+        for upper, lower in grid.banks[: 2 * eyes]
+    )
+    skin = Skin(
+        points=sheet.points,
+        quads=grid.quads,
+        uv=grid.uv,
+        groups=divided_lips(groups, lip_side) if mouth else groups,
+        lids=lids,
+        lips=grid.banks[-1] if mouth else None,
+        blinks=tuple(
+            sheet.movement(f"eyeBlink{side}")[loop]
+            for side, loop in zip(SIDES, lids, strict=False)
+        ),
+        movement=sheet.movement,
+    )
+    eye_distance = feature_sizes(face.surface, units)["eyes"]
+    return furnished(skin, units, eye_distance, ball_cells, keys)
 
 
-class _Builder:
-    """Skin first, then what stands behind it; movements in the same order."""
+class SurfaceSkin:
+    """How skin on the surface moves.
 
-    def __init__(self, face: Face, units: FaceUnits, grid: SlitGrid, mouth: bool):
-        self.surface, self.units, self.grid = face.surface, units, grid
-        self.eye_distance = feature_sizes(face.surface, units)["eyes"]
+    Parameters
+    ----------
+    face : Reconstruction
+    units : FaceUnits
+    uv : (p, 2) array
+        Where its vertices lie.
+    lip_side : (p,) array
+        1 above the line between the lips, -1 below it, 0 on it.
+    """
+
+    def __init__(self, face: Face, units: FaceUnits, uv: Array, lip_side: Array):
+        self.units, self.lip_side = units, lip_side
+        self.points = face.surface.evaluate(*uv.T)
         self.keys = arkit_keys(face)
         self.factors = key_factors(face, units)
-        # The lips part; without a mouth the sheet's own keys are right.
-        self.lip_side = grid.side[-1] if mouth else np.zeros(len(grid.uv))
-        self.skin = face.surface.evaluate(*grid.uv.T)
-        self.basis = basis_matrix(face.surface.shape, *grid.uv.T)
+        self.basis = basis_matrix(face.surface.shape, *uv.T)
         shape = (units.keys.shape[1], units.keys.shape[2])
-        self.lip_basis = basis_matrix(shape, *grid.uv.T)
-        self.points, self.uv = [self.skin], [grid.uv]
-        self.quads, self.part = [grid.quads], [np.zeros(len(grid.quads), np.int64)]
-        self.groups = regions(grid.uv, units)
-        if mouth:
-            lip = np.concatenate([self.groups["lip_upper"], self.groups["lip_lower"]])
-            upper = self.lip_side[lip] >= 0
-            self.groups["lip_upper"] = np.sort(lip[upper])
-            self.groups["lip_lower"] = np.sort(lip[~upper])
-        self.count = len(grid.uv)
-        self.eyes: list[tuple[int, Eyeball, Indices, Array, Array]] = []
-        self.bag: tuple[Indices, Indices] | None = None
+        self.lip_basis = basis_matrix(shape, *uv.T)
 
-    def skin_movement(self, name: str) -> Array:
-        """Displacement of the skin at full strength of a key, (p, 3)."""
+    def movement(self, name: str) -> Array:
+        """Displacement at full strength of a key, (p, 3)."""
         moved = self.basis @ self.keys[name].reshape(-1, 3)
         k = ARKIT_NAMES.index(name)
         jump = self.units.jumps[k]
@@ -154,6 +166,73 @@ class _Builder:
             moved = moved + self.lip_side[:, None] * parted
         return moved
 
+
+@dataclass(frozen=True)
+class Skin:
+    """Skin with openings, before anything is behind them.
+
+    Attributes
+    ----------
+    points, quads, uv, groups
+        As in `QuadMesh`.
+    lids : tuple of int arrays
+        Vertices of the lid margins, the subject's right eye first, clockwise as seen
+        from the front; empty without openings.
+    lips : two int arrays, optional
+        Vertices of the upper and the lower lip, from the subject's right corner to the
+        left.
+    blinks : tuple of (k, 3) arrays
+        Displacements of the lid margins to the closed eye.
+    movement : callable
+        Displacement of its vertices at full strength of a key.
+    """
+
+    points: Array
+    quads: Indices
+    uv: Array
+    groups: Mapping[str, Indices]
+    lids: tuple[Indices, ...]
+    lips: tuple[Indices, Indices] | None
+    blinks: tuple[Array, ...]
+    movement: Callable[[str], Array]
+
+
+def furnished(
+    skin: Skin, units: FaceUnits, eye_distance: float, ball_cells: int, keys: bool
+) -> QuadMesh:
+    """Skin with eyeballs, lid rims and a mouth bag.
+
+    Parameters
+    ----------
+    skin : Skin
+    units : FaceUnits
+    eye_distance : float
+        mm.
+    ball_cells : int
+        Quads along the edge of an eyeball's cube.
+    keys : bool
+        Also the ARKit keys.
+    """
+    builder = _Builder(skin, units, eye_distance)
+    for k, loop in enumerate(skin.lids):
+        builder.add_eye(k, loop, ball_cells)
+    if skin.lips is not None:
+        builder.add_mouth(*skin.lips)
+    return builder.mesh(keys)
+
+
+class _Builder:
+    """Skin first, then what stands behind it; movements in the same order."""
+
+    def __init__(self, skin: Skin, units: FaceUnits, eye_distance: float):
+        self.skin, self.units, self.eye_distance = skin, units, eye_distance
+        self.points, self.uv = [skin.points], [skin.uv]
+        self.quads, self.part = [skin.quads], [np.zeros(len(skin.quads), np.int64)]
+        self.groups = dict(skin.groups)
+        self.count = len(skin.points)
+        self.eyes: list[tuple[int, Eyeball, Indices, Array, Array]] = []
+        self.bag: tuple[Indices, Indices] | None = None
+
     def _add(self, points: Array, quads: Indices, uv: Array, part: str) -> Indices:
         """Append a piece; returns the numbers of its vertices."""
         numbers = self.count + np.arange(len(points))
@@ -164,14 +243,12 @@ class _Builder:
         self.count += len(points)
         return numbers
 
-    def add_eye(self, k: int, cells: int) -> None:
-        upper, lower = self.grid.banks[k]
-        loop = np.concatenate([upper, lower[-2:0:-1]])
-        blink = self.skin_movement(f"eyeBlink{SIDES[k]}")
-        ball = fit_eyeball(self.skin[loop], blink[loop], self.eye_distance)
-        pocket = lid_rim(self.skin[loop], ball)
+    def add_eye(self, k: int, loop: Indices, cells: int) -> None:
+        lids = self.skin.points[loop]
+        ball = fit_eyeball(lids, self.skin.blinks[k], self.eye_distance)
+        pocket = lid_rim(lids, ball)
         table = np.concatenate([loop, self.count + np.arange(len(pocket.points))])
-        uv = np.tile(self.grid.uv[loop], (len(pocket.points) // len(loop), 1))
+        uv = np.tile(self.skin.uv[loop], (len(pocket.points) // len(loop), 1))
         numbers = self._add(pocket.points, table[pocket.quads], uv, "skin")
         side = SIDES[k].lower()
         self.groups[f"lid_rim_{side}"] = numbers
@@ -180,20 +257,21 @@ class _Builder:
         self.groups[f"eyeball_{side}"] = numbers
         self.eyes.append((k, ball, loop, pocket.points, points))
 
-    def add_mouth(self) -> None:
-        upper, lower = self.grid.banks[-1]
+    def add_mouth(self, upper: Indices, lower: Indices) -> None:
         unit = self.eye_distance / EYE_DISTANCE_MM
-        pocket = mouth_bag(self.skin[upper], self.skin[lower], unit)
+        points = self.skin.points
+        pocket = mouth_bag(points[upper], points[lower], unit)
         loop = np.concatenate([upper, lower[-2:0:-1]])
         table = np.concatenate([loop, self.count + np.arange(len(pocket.points))])
-        uv = np.broadcast_to(self.grid.uv[upper].mean(axis=0), (len(pocket.points), 2))
+        uv = self.skin.uv[upper].mean(axis=0)
+        uv = np.broadcast_to(uv, (len(pocket.points), 2))
         numbers = self._add(pocket.points, table[pocket.quads], uv, "mouth")
         self.groups["mouth_bag"] = numbers
         self.bag = (upper, lower)
 
     def movement(self, name: str) -> Array:
         """Displacement of every vertex at full strength of a key."""
-        skin = self.skin_movement(name)
+        skin = self.skin.movement(name)
         moved = [skin]
         for k, ball, loop, rim, points in self.eyes:
             rings = len(rim) // len(loop)
@@ -229,6 +307,17 @@ class _Builder:
             part=np.concatenate(self.part),
             keys={n: self.movement(n) for n in ARKIT_NAMES} if keys else {},
         )
+
+
+def divided_lips(groups: dict[str, Indices], lip_side: Array) -> dict[str, Indices]:
+    """Groups with the two lips told apart by the side of their vertices."""
+    lip = np.concatenate([groups["lip_upper"], groups["lip_lower"]])
+    upper = lip_side[lip] >= 0
+    return {
+        **groups,
+        "lip_upper": np.sort(lip[upper]),
+        "lip_lower": np.sort(lip[~upper]),
+    }
 
 
 def regions(uv: Array, units: FaceUnits) -> dict[str, Indices]:

@@ -59,22 +59,24 @@ def mouth_bag(upper: Array, lower: Array, unit: float) -> Pocket:
 
     Parameters
     ----------
-    upper, lower : (k, 3) arrays
-        The two lips, from the subject's right corner to the left; corners equal.
+    upper, lower : (k, 3), (l, 3) arrays
+        The two lips, from the subject's right corner to the left; corners equal, k + l
+        even.
     unit : float
         Eye distance over 62 mm.
 
     Returns
     -------
     Pocket
-        For the loop of `bag_loop`. The last ring is a line: its lower vertices are
-        its upper ones.
+        For the loop of the upper lip and back along the lower one. The last ring is
+        folded to a line: two of its places each are one vertex.
     """
     k = len(upper)
     loop = np.concatenate([upper, lower[-2:0:-1]])
-    share = np.concatenate([np.linspace(0, 1, k), np.linspace(0, 1, k)[-2:0:-1]])
+    back = np.linspace(0, 1, len(lower))[-2:0:-1]
+    share = np.concatenate([np.linspace(0, 1, k), back])
     swell = np.sin(np.pi * share)
-    sign = np.concatenate([np.ones(k), -np.ones(k - 2)])
+    sign = np.concatenate([np.ones(k), -np.ones(len(lower) - 2)])
     middle = loop.mean(axis=0)
     rings = []
     for depth, height, width, _ in BAG:
@@ -82,14 +84,35 @@ def mouth_bag(upper: Array, lower: Array, unit: float) -> Pocket:
         ring[:, 1] += sign * swell * height * unit
         ring[:, 0] = middle[0] + width * (loop[:, 0] - middle[0])
         rings.append(ring)
-    pocket = _rings(len(loop), rings)
-    # The last ring as a line: every lower vertex is the upper one of its column.
     size, last = len(loop), len(loop) * len(rings)
+    kept, owner = _fold(k, len(lower))
+    pocket = _rings(size, rings)
     same = np.arange(size * (len(rings) + 1))
-    lower_places = np.arange(k, size)
-    same[last + lower_places] = last + (size - lower_places)
-    quads = same[pocket.quads]
-    return Pocket(pocket.points[: last - size + k], quads)
+    same[last:] = last + owner
+    points = np.concatenate([*rings[:-1], rings[-1][kept]])
+    return Pocket(points, same[pocket.quads])
+
+
+def _fold(upper: int, lower: int) -> tuple[Indices, Indices]:
+    """Which places of a loop along both lips stay when it is folded to a line.
+
+    The fold halves the loop, so it may begin beside the corner of the mouth.
+
+    Returns
+    -------
+    kept : (k,) int array
+        Places that have a vertex.
+    owner : (size,) int array
+        Number of the vertex of each place.
+    """
+    size = upper + lower - 2
+    first = (upper - lower) // 2 // 2
+    partner = (2 * first - np.arange(size)) % size
+    kept = (first + np.arange(size // 2 + 1)) % size
+    number = np.empty(size, np.int64)
+    number[kept] = np.arange(len(kept))
+    number[partner[kept]] = np.arange(len(kept))
+    return kept, number
 
 
 def bag_movement(upper: Array, lower: Array) -> Array:
@@ -97,18 +120,27 @@ def bag_movement(upper: Array, lower: Array) -> Array:
 
     Parameters
     ----------
-    upper, lower : (k, 3) arrays
+    upper, lower : (k, 3), (l, 3) arrays
         Movements of the lips.
     """
-    k = len(upper)
     loop = np.concatenate([upper, lower[-2:0:-1]])
-    mean = (upper + lower) / 2
-    both = np.concatenate([mean, mean[-2:0:-1]])
+    mean_upper = (upper + _as_many(lower, len(upper))) / 2
+    mean_lower = (_as_many(upper, len(lower)) + lower) / 2
+    both = np.concatenate([mean_upper, mean_lower[-2:0:-1]])
     rings = []
     for index, (_, _, _, share) in enumerate(BAG):
         apart = 1 - index / (len(BAG) - 1)
         rings.append(share * (both + apart * (loop - both)))
-    return np.concatenate([*rings[:-1], rings[-1][:k]])
+    kept, _ = _fold(len(upper), len(lower))
+    return np.concatenate([*rings[:-1], rings[-1][kept]])
+
+
+def _as_many(values: Array, count: int) -> Array:
+    """A row of vectors at another number of evenly spaced places."""
+    if len(values) == count:
+        return values
+    at = np.linspace(0, len(values) - 1, count)
+    return np.stack([np.interp(at, np.arange(len(values)), x) for x in values.T], 1)
 
 
 def _rings(size: int, rings: list[Array]) -> Pocket:

@@ -17,12 +17,11 @@ exported files v is turned round already, so the picture fits as it is.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -30,35 +29,23 @@ from ..camera.camera import Camera
 from ..drawing.pictures import write_png
 from ..errors import ReconstructionError
 from ..images.colour import to_picture
-from ..images.photo import Photo
-from ..photometry.skin import SkinMask, skin_masks
-from ..progress import CheckCancelled
+from ..photometry.skin import SkinMask
 from ..result import Reconstruction
 from .blend import (
-    COARSE,
     choose_where_disagreeing,
     coarse_band,
-    consensus,
-    explained,
     fill,
     fine_band,
     inner_part,
     measured_places,
 )
-from .light import PhotoLights, estimate_lights, light_maps
-from .views import (
-    View,
-    faces_of,
-    prefiltered,
-    resized,
-    sample,
-    surface_maps,
-    view_photo,
-)
+from .delit import delit_photos, telling
+from .detail import Detail, measure_detail
+from .light import PhotoLights
+from .views import resized
 
 Picture = npt.NDArray[np.float32]
 
-_LIGHT = 64  # texels a side for estimating the lights
 _TILE = 64  # texture rows blended at a time
 
 
@@ -83,6 +70,8 @@ class Texture:
         Of the used photos, in their order.
     skin : tuple of SkinMask
         What of each used photo is skin.
+    detail : Detail or None
+        Relief that the control net cannot hold; None when not asked for.
     """
 
     albedo: Picture
@@ -92,6 +81,7 @@ class Texture:
     photos_seen: Picture
     lights: PhotoLights
     skin: tuple[SkinMask, ...]
+    detail: Detail | None = None
 
     @property
     def size(self) -> int:
@@ -103,6 +93,8 @@ def bake_texture(
     reconstruction: Reconstruction,
     size: int | None = None,
     progress: Callable[[float], None] | None = None,
+    *,
+    detail: bool = True,
 ) -> Texture:
     """Albedo and mean texture from all used photos.
 
@@ -114,6 +106,8 @@ def bake_texture(
         holds what the sharpest photos show.
     progress : callable, optional
         Called with the fraction done.
+    detail : bool
+        Whether normal map and displacement are measured too.
 
     Raises
     ------
@@ -130,42 +124,10 @@ def bake_texture(
     if size is not None and not 64 <= size <= 8192:
         raise ValueError(f"texture size must be 64 to 8192 texels, got {size}")
     tell = progress or (lambda fraction: None)
-    faces = faces_of(reconstruction)
-    seen = zip(faces, photos, cameras, strict=True)
-    seen = _telling(seen, tell, 0.0, 0.12, len(photos))
-    views = [view_photo(f, surface_maps(f, COARSE), p, c) for f, p, c in seen]
-    size = size or natural_size(views)
-    pairs = _telling(zip(photos, views, strict=True), tell, 0.12, 0.15, len(photos))
-    sources = [prefiltered(photo, view, size) for photo, view in pairs]
-    pairs = _telling(zip(sources, views, strict=True), tell, 0.15, 0.17, len(photos))
-    coarse = np.stack([_coarse_sample(s, v) for s, v in pairs])
-    weight = np.stack([view.weight for view in views])
-    weight *= _well_exposed(coarse)
-    skin = skin_masks(
-        photos,
-        faces[0] if all(face is faces[0] for face in faces) else faces,
-        cameras,
-        reconstruction.template,
-        lambda: tell(0.17),
-    )
-    weight *= _skin_seen(skin, photos, views)
-    tell(0.17)
-    basis, front = light_maps(reconstruction.surface, COARSE)
-    lights = _lights(basis, front, coarse, weight, lambda: tell(0.19))
-    tell(0.22)
-    shading = np.stack([lights.shading(i, basis) for i in range(len(views))])
-    coarse /= shading
-    # Dark places of a photo tell less about the skin.
-    weight = weight * np.clip(shading.mean(axis=3), 0, 2) ** 2
-    neutral = _calmness(reconstruction)
-    weight = weight * neutral[:, None, None]
-    tell(0.24)
-    base, agreement = consensus(coarse, weight, lambda: tell(0.24))
-    fit = explained(coarse, weight, base)
-    if fit.min() < 1:
-        weight = weight * fit[:, None, None]
-        base, agreement = consensus(coarse, weight, lambda: tell(0.25))
-    tell(0.27)
+    delit = delit_photos(reconstruction, size, tell)
+    size, views = delit.size, delit.views
+    weight, base, agreement = delit.weight, delit.base, delit.agreement
+    coarse, neutral = delit.colours, delit.neutral
     measured = measured_places(weight)
     counts = (weight > 0.15 * np.percentile(weight, 99)).sum(axis=0)
     average = weight
@@ -177,19 +139,20 @@ def bake_texture(
     )
     total = np.maximum(weight.sum(axis=0), 1e-12)[..., None]
     base = fill((weight[..., None] * coarse).sum(axis=0) / total, measured)
-    pairs = _telling(zip(coarse, weight, strict=True), tell, 0.28, 0.3, len(photos))
+    pairs = telling(zip(coarse, weight, strict=True), tell, 0.28, 0.3, len(photos))
     own = np.stack([coarse_band(picture, w > 0) for picture, w in pairs])
     smooth = coarse_band(base, np.ones_like(measured))
     inner = inner_part(measured)
     albedo = np.empty((size, size, 3), np.float32)
+    last = 0.8 if detail else 0.95
     for start in range(0, size, _TILE):
         rows = slice(start, min(start + _TILE, size))
-        tell(0.3 + 0.65 * start / size)
-        check_cancelled = partial(tell, 0.3 + 0.65 * start / size)
+        tell(0.3 + (last - 0.3) * start / size)
+        check_cancelled = partial(tell, 0.3 + (last - 0.3) * start / size)
         fine = fine_band(
-            sources,
+            delit.sources,
             views,
-            shading,
+            delit.shading,
             own,
             weight,
             size=size,
@@ -198,10 +161,15 @@ def bake_texture(
         )
         fine *= np.clip(resized(inner, size, rows), 0, 1)[..., None]
         albedo[rows] = resized(smooth, size, rows) + fine
+    tell(last)
+    relief = None
+    if detail:
+        check_cancelled = partial(tell, last)
+        relief = measure_detail(reconstruction, delit, measured, check_cancelled)
     tell(0.95)
     measured_fine = resized(measured.astype(np.float32), size) > 0.5
     albedo = np.clip(albedo, 0, None)
-    mean_light = lights.mean_shading(basis)
+    mean_light = delit.lights.mean_shading(delit.basis)
     difference = np.abs(coarse - base).mean(axis=3) / np.maximum(
         base.mean(axis=2), 1e-4
     )
@@ -215,15 +183,10 @@ def bake_texture(
         measured=measured_fine,
         residual=np.where(measured, residual, np.nan).astype(np.float32),
         photos_seen=counts.astype(np.float32),
-        lights=lights,
-        skin=skin,
+        lights=delit.lights,
+        skin=delit.skin,
+        detail=relief,
     )
-
-
-def natural_size(views: list[View]) -> int:
-    """512, 1024, 2048 or 4096 texels, after the resolution of the sharper photos."""
-    best = float(np.percentile([view.resolution for view in views], 80))
-    return next((s for s in (512, 1024, 2048) if best <= 1.1 * s), 4096)
 
 
 def write_texture(
@@ -247,77 +210,6 @@ def write_texture(
         alpha = np.where(mask, np.iinfo(picture.dtype).max, 0).astype(picture.dtype)
         picture = np.dstack([picture, alpha])
     return write_png(path, picture)
-
-
-def _coarse_sample(source: Picture, view: View) -> Picture:
-    """Photo on the coarse grid, blurred to its texels."""
-    excess = view.resolution / COARSE
-    if excess > 1.2:
-        blur = float(0.45 * np.sqrt(excess**2 - 1))
-        source = np.asarray(cv2.GaussianBlur(source, (0, 0), blur), np.float32)
-    return sample(source, view.xy)
-
-
-def _skin_seen(
-    masks: Sequence[SkinMask], photos: Sequence[Photo], views: Sequence[View]
-) -> Picture:
-    """How far each texel shows skin in each photo, ``(n, S, S)``."""
-    found = np.empty((len(views), COARSE, COARSE), np.float32)
-    for i, (mask, photo, view) in enumerate(zip(masks, photos, views, strict=True)):
-        xy = photo.to_original(view.xy.reshape(-1, 2).astype(float))
-        skin = mask.read(xy).reshape(COARSE, COARSE).astype(np.float32)
-        # A step back from hair, as from the rim of what is hidden.
-        found[i] = cv2.erode(skin, np.ones((7, 7), np.uint8))
-    return found
-
-
-def _well_exposed(colours: Picture) -> Picture:
-    """0 for burnt-out or black texels, 1 for the rest; (n, S, S)."""
-    brightest = colours.max(axis=3)
-    return np.clip((0.98 - brightest) / 0.08, 0.02, 1) * np.clip(
-        brightest / 0.004, 0.02, 1
-    )
-
-
-def _telling(
-    items: Iterable, tell: Callable[[float], None], low: float, high: float, count: int
-) -> Iterator:
-    """The items one after another, the fraction between low and high told before."""
-    for k, item in enumerate(items):
-        tell(low + (high - low) * k / count)
-        yield item
-
-
-def _lights(
-    basis: Picture,
-    front: npt.NDArray,
-    coarse: Picture,
-    weight: Picture,
-    check_cancelled: CheckCancelled,
-) -> PhotoLights:
-    step = COARSE // _LIGHT
-    part = slice(step // 2, None, step)
-    n = len(coarse)
-    lights, _ = estimate_lights(
-        coarse[:, part, part].reshape(n, -1, 3).astype(float),
-        weight[:, part, part].reshape(n, -1).astype(float),
-        basis[part, part].reshape(-1, basis.shape[2]).astype(float),
-        front,
-        check_cancelled=check_cancelled,
-    )
-    return lights
-
-
-def _calmness(reconstruction: Reconstruction) -> npt.NDArray[np.float32]:
-    """(n,) weight of each photo by its expression: the surface is that of a calm face.
-
-    An open mouth is not only another picture, it also lies elsewhere on the surface.
-    """
-    expressions = getattr(reconstruction, "expressions", None)
-    if expressions is None or not np.size(expressions):
-        return np.ones(len(reconstruction.photos), np.float32)
-    size = (np.asarray(expressions, float) ** 2).sum(axis=1)
-    return (1 / (1 + size / max(float(np.median(size)), 1.0)) ** 2).astype(np.float32)
 
 
 def _closed_mouth(reconstruction: Reconstruction) -> npt.NDArray[np.float64]:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array
-from ..photometry.transfer import radiance_transfer
+from ..photometry.transfer import Transfer, radiance_transfer
 from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface
 from .views import resized, texel_centres
@@ -69,6 +69,56 @@ _FRONT = np.array(
 )
 
 
+@dataclass(frozen=True)
+class Sky:
+    """What a surface sees of the directions around it, on `_SKY` texels a side.
+
+    Attributes
+    ----------
+    transfer : Transfer
+    normals : (p, 3) array
+        Of the same points, row by row.
+    """
+
+    transfer: Transfer
+    normals: Array
+
+    def maps(self, size: int) -> tuple[Picture, Array]:
+        """What each harmonic of the light does; see `light_maps`."""
+        over = self.transfer
+        front = np.maximum(_FRONT @ over.directions.T, 0) @ over.light
+        return _enlarged(over.basis(self.normals), size), front.mean(axis=0)
+
+    def slopes(self, light: Array, size: int) -> Picture:
+        """Derivative of the logarithm of a photo's shading by the normal.
+
+        Parameters
+        ----------
+        light : (k, 3) array
+            Harmonics of the photo's light.
+        size : int
+
+        Returns
+        -------
+        (size, size, 3) float32 array
+            Mean over the channels; 0 where it is too dark for a shading.
+        """
+        shading = self.transfer.basis(self.normals) @ light
+        turned = self.transfer.slopes(self.normals, light.T)
+        lit = shading > DARKEST * shading.mean(axis=0)
+        per_shading = np.where(lit, 1 / np.where(lit, shading, 1), 0)
+        mean = np.einsum("pc,cpx->px", per_shading, turned) / shading.shape[1]
+        return _enlarged(mean, size)
+
+
+def open_sky(surface: BSplineSurface) -> Sky:
+    """The sky over a surface, its own shadows included."""
+    at = texel_centres(_SKY)
+    v, u = (x.ravel() for x in np.meshgrid(at, at, indexing="ij"))
+    transfer = radiance_transfer(surface, np.stack([u, v], axis=1), DEGREE)
+    return Sky(transfer, surface.normals(u, v))
+
+
 def light_maps(surface: BSplineSurface, size: int) -> tuple[Picture, Array]:
     """What each harmonic of the light does on a surface, its own shadows included.
 
@@ -79,17 +129,18 @@ def light_maps(surface: BSplineSurface, size: int) -> tuple[Picture, Array]:
     front : (k,) array
         As in `PhotoLights`.
     """
-    at = texel_centres(_SKY)
-    v, u = np.meshgrid(at, at, indexing="ij")
-    over = radiance_transfer(surface, np.stack([u.ravel(), v.ravel()], axis=1), DEGREE)
-    basis = over.basis(surface.normals(u.ravel(), v.ravel())).reshape(_SKY, _SKY, -1)
+    return open_sky(surface).maps(size)
+
+
+def _enlarged(values: Array, size: int) -> Picture:
+    """Values (p, k) at the points of a `Sky` as a picture (size, size, k)."""
+    picture = values.reshape(_SKY, _SKY, -1)
     # the picture functions take four channels at a time
     parts = [
-        resized(basis[..., k : k + 4], size).reshape(size, size, -1)
-        for k in range(0, basis.shape[2], 4)
+        resized(picture[..., k : k + 4], size).reshape(size, size, -1)
+        for k in range(0, picture.shape[2], 4)
     ]
-    front = np.maximum(_FRONT @ over.directions.T, 0) @ over.light
-    return np.concatenate(parts, axis=2), front.mean(axis=0)
+    return np.concatenate(parts, axis=2)
 
 
 def estimate_lights(

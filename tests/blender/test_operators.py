@@ -92,6 +92,7 @@ def face(addon, solved, tmp_path):
         ("surface_resample", {"control_points_u": 20, "control_points_v": 20}),
         ("surface_symmetrise", {}),
         ("surface_to_mesh", {"density": "LOW", "keys": False}),
+        ("full_head", {"density": "LOW", "keys": False}),
         ("arkit_keys", {}),
         ("coarse_edit", {}),
         ("surface_map", {"kind": "NORMALS"}),

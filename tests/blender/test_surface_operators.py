@@ -12,11 +12,13 @@ from mathutils import Vector
 scene = load("bsface_addon.scene")
 cameras = load("bsface_addon.cameras")
 lights = load("bsface_addon.lights")
+maps = load("bsface_addon.maps")
 material = load("bsface_addon.material")
 face_file = load("bsface_addon.face_file")
 surface_object = load("bsface_addon.surface_object")
 formats = load("core.formats")
 errors = load("core.errors")
+load_template = load("core.surface.template").load_template
 
 
 @pytest.fixture
@@ -133,6 +135,49 @@ def test_the_mesh_lies_on_the_surface_and_moves_with_its_keys(face, openings):
         for k in ("jawOpen", "tongueOut")
     ]
     assert moved[0] > 0.003 and moved[1] == 0
+
+
+@pytest.mark.parametrize("textured", [True, False])
+def test_the_head_holds_the_face_and_its_picture(face, textured):
+    if textured:
+        stripes = np.zeros((64, 64, 3), np.uint8)
+        stripes[:32] = (200, 100, 50)  # the forehead
+        stripes[32:] = (50, 200, 100)
+        painted = maps.painted(stripes, load_template().outline_uv)
+        material.store_map(face, "SKIN", painted)
+    bpy.ops.bsface.full_head(density="LOW", keys=True)
+    obj = bpy.data.objects["Ann head"]
+    mesh = obj.data
+    xyz = surface_object.from_local(face, np.array([v.co for v in mesh.vertices]))
+    grid = face_file.surface(face).grid(60, 60).reshape(-1, 3)
+    assert np.ptp(xyz[:, 2]) > 1.5 * np.ptp(grid[:, 2]), "no back of the head"
+    assert obj.matrix_world == face.matrix_world
+    assert {"ear_left", "scalp", "neck", "nose"} <= {g.name for g in obj.vertex_groups}
+    assert len(mesh.shape_keys.key_blocks) == 53
+    assert mesh.materials[0] not in list(face.data.materials)
+    nodes = mesh.materials[0].node_tree.nodes
+    pictures = [node.image for node in nodes if node.type == "TEX_IMAGE"]
+    assert len(pictures) == int(textured)
+    if not textured:
+        return
+    side = pictures[0].size[0]
+    pixels = np.array(pictures[0].pixels[:]).reshape(side, side, -1)
+    uv = np.empty(len(mesh.loops) * 2, np.float32)
+    mesh.uv_layers["UVMap"].data.foreach_get("uv", uv)
+    corner = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corner)
+    index = (uv.reshape(-1, 2) * side).astype(int).clip(0, side - 1)
+    colour = np.zeros((len(mesh.vertices), 3))
+    # The picture's rows and the coordinates both run up from the lower border.
+    colour[corner] = pixels[index[:, 1], index[:, 0], :3]
+    groups = {g.name: g.index for g in obj.vertex_groups}
+    for name, channel in (("forehead", 0), ("jaw", 1)):
+        members = [
+            v.index
+            for v in mesh.vertices
+            if any(g.group == groups[name] for g in v.groups)
+        ]
+        assert colour[members].mean(axis=0).argmax() == channel
 
 
 def test_arkit_keys_add_up_on_the_surface(face):
@@ -305,6 +350,14 @@ def test_an_fbx_file_that_blender_cannot_write_is_told(face, tmp_path):
     with pytest.raises(errors.ReconstructionError, match=r"Ann\.fbx.*out of order"):
         load("bsface_addon.export_face").write(wanted)
     assert not (tmp_path / "Ann.fbx").exists()
+
+
+def test_export_of_the_head(face, tmp_path):
+    for name, head in (("face", False), ("head", True)):
+        path = str(tmp_path / f"{name}.obj")
+        bpy.ops.bsface.export(filepath=path, head=head, density="LOW")
+    eyes = ["usemtl eyes" in p.read_text() for p in sorted(tmp_path.glob("*.obj"))]
+    assert eyes == [False, True]
 
 
 def test_face_file_has_the_control_points_of_the_object(face, tmp_path):

@@ -8,12 +8,13 @@ import signal
 import subprocess
 import sys
 
+import cv2
 import numpy as np
 import pytest
 from bsface import Settings, __main__, load, reconstruct
 from bsface.cli.arguments import parse_settings
 from bsface.errors import Cancelled, ReconstructionError
-from fake_face import person_folder
+from fake_face import painted_reconstruction, person_folder
 
 QUICK = [
     "--set=method=motion",
@@ -85,6 +86,20 @@ def test_several_outputs_and_a_page(capsys, photos, tmp_path, ready):
     own = json.loads((tmp_path / "page.json").read_text("utf-8"))
     differing = {"files": 0, "title": ""}
     assert {**own, **differing} == {**facts, **differing}
+
+
+def test_mesh_has_its_pictures_beside_it(capsys, photos, tmp_path):
+    """Colours, normals and displacement of a face whose photos are there."""
+    face = painted_reconstruction(5)
+    job = lambda *args, **kwargs: face  # noqa: E731
+    code, *_ = run(capsys, photos, "-o", tmp_path / "a.obj", "-q", job=job)
+    assert code == 0
+    words = (tmp_path / "a.mtl").read_text().split()
+    named = [word for word in words if word.endswith(".png")]
+    assert set(named) == {"a.png", "a_normal.png", "a_displacement.png"}
+    depth = {name: cv2.imread(str(tmp_path / name), -1).dtype for name in named}
+    assert depth["a_displacement.png"] == np.uint16
+    assert depth["a_normal.png"] == depth["a.png"] == np.uint8
 
 
 def test_log_tells_steps_and_what_failed(capsys, photos, tmp_path):

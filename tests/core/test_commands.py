@@ -60,11 +60,20 @@ def test_export_follows_its_options(capsys, face, tmp_path):
     assert sizes[1] < sizes[0] < sizes[2]
 
 
+def test_export_of_the_head(capsys, face, tmp_path):
+    out = [tmp_path / "face.obj", tmp_path / "head.obj"]
+    for path, words in zip(out, ([], ["--head"]), strict=True):
+        code, _, said = run(capsys, "export", face, "-o", path, "-q", *words)
+        assert (code, said) == (0, "")
+    assert [b"usemtl eyes" in path.read_bytes() for path in out] == [False, True]
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (["-o", "a.xyz"], "a.xyz: unknown ending"),
         (["-o", "a.npz"], "The face is a .npz file already; copy it."),
+        (["-o", "a.step", "--head"], "--head needs a file .glb or .obj."),
         (["-o", "a.ply", "--tolerance", "0"], "must be a positive length, not 0."),
         (["-o", "a.ply", "--tolerance", "nan"], "must be a positive length, not nan."),
     ],

@@ -119,9 +119,8 @@ def test_compare_faces(photos, tmp_path):
 def test_texture(photos, tmp_path):
     texture = run(8, photos, tmp_path, size=128)
     assert texture.albedo.shape == (128, 128, 3)
-    assert {"albedo.png", "mean.png", "textured.png"} <= {
-        path.name for path in tmp_path.iterdir()
-    }
+    written = {"albedo.png", "mean.png", "normal.png", "displacement.png"}
+    assert {*written, "textured.png"} <= {path.name for path in tmp_path.iterdir()}
 
 
 def test_algorithm_step_by_step(photos, tmp_path):

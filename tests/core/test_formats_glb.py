@@ -115,12 +115,18 @@ def test_keys_are_named_morph_targets(mesh):
 def test_texture_is_embedded_as_it_is(mesh, tmp_path):
     picture = np.random.default_rng(0).integers(0, 255, (8, 8, 3), np.uint8)
     path = write_png(tmp_path / "skin.png", picture)
-    file = Reader(glb_bytes(mesh, texture=path))
+    bent = write_png(tmp_path / "normal.png", picture[::-1])
+    file = Reader(glb_bytes(mesh, texture=path, normals=bent))
     skin = next(m for m in file.json["materials"] if m["name"] == "skin")
     texture = skin["pbrMetallicRoughness"]["baseColorTexture"]["index"]
     image = file.json["images"][file.json["textures"][texture]["source"]]
     assert file.view(image["bufferView"]) == encode_png(picture)
     assert image["mimeType"] == "image/png"
+    texture = skin["normalTexture"]["index"]
+    image = file.json["images"][file.json["textures"][texture]["source"]]
+    assert file.view(image["bufferView"]) == bent.read_bytes()
+    others = [m for m in file.json["materials"] if m["name"] != "skin"]
+    assert others and not any("normalTexture" in m for m in others)
     (tmp_path / "skin.txt").write_text("no picture")
     for wrong, match in (("skin.txt", "no PNG or JPEG"), ("none.png", "cannot be")):
         with pytest.raises(ReconstructionError, match=match):

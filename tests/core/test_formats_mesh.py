@@ -84,6 +84,15 @@ def test_obj_holds_the_mesh_with_texture_coordinates(tmp_path, surface):
     assert ["mtllib", "my_face.mtl"] in rows and ["usemtl", "skin"] in rows
     assert "map_Kd my_face.png\n" in (out / "my_face.mtl").read_text()
     assert (out / "my_face.png").read_bytes() == picture.read_bytes()
+    mesh.write_mesh_obj(
+        out / "bent.obj", surface, normals=picture, displacement=picture
+    )
+    text = (out / "bent.mtl").read_text()
+    assert "norm bent_normal.png\nmap_Bump -bm 1 bent_normal.png\n" in text
+    assert "disp bent_displacement.png\n" in text
+    assert "map_Kd" not in text
+    assert (out / "bent_normal.png").read_bytes() == picture.read_bytes()
+    assert (out / "bent_displacement.png").read_bytes() == picture.read_bytes()
     with pytest.raises(ReconstructionError, match="no PNG or JPEG"):
         mesh.write_mesh_obj(out / "x.obj", surface, texture=path)
 

@@ -14,46 +14,13 @@ from bsface.surface.template import load_template
 from fake_face import ellipse_outline
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from quads import borders, directed_edges, person
 from scipy.spatial import cKDTree
-
-
-def person(seed=None):
-    """A face of random identity modes; the template without a seed."""
-    template = load_template()
-    surface = template.surface
-    if seed is not None:
-        modes = template.identity_modes
-        weight = np.random.default_rng(seed).normal(size=len(modes)).clip(-2, 2)
-        surface = BSplineSurface(
-            surface.control_points + np.tensordot(weight, modes, 1)
-        )
-    return SimpleNamespace(surface=surface, template=template)
 
 
 @pytest.fixture(scope="module")
 def mesh():
     return quad_mesh(person(), "low")
-
-
-def directed_edges(quads):
-    return np.concatenate([quads[:, [k, (k + 1) % 4]] for k in range(4)])
-
-
-def borders(quads):
-    """Loops of edges with a quad on one side only."""
-    edges = directed_edges(quads)
-    there = {tuple(e) for e in edges.tolist()}
-    following = {a: b for a, b in there if (b, a) not in there}
-    loops = []
-    while following:
-        start, at = next(iter(following.items()))
-        following.pop(start)
-        count = 1
-        while at != start:
-            at = following.pop(at)
-            count += 1
-        loops.append(count)
-    return sorted(loops)
 
 
 def quad_normals(mesh: QuadMesh):

@@ -21,8 +21,8 @@ from .terms import default_terms
 # What the normal matrix cannot know: light and skin are not quite as modelled.
 # Added in quadrature it brings the stated deviation near the truth on the sets with
 # ground truth (reliability table of the accuracy page); more where expressions differ.
-MODEL_ERROR_MM = 0.3
-MIXED_MODEL_ERROR_MM = 0.6
+MODEL_ERROR_MM = 0.25
+MIXED_MODEL_ERROR_MM = 0.5
 
 
 def joint(
