@@ -32,18 +32,18 @@ class FileToWrite:
     options : ExportOptions
     picture : bytes
         Packed file of the map on the surface; empty for none.
-    detail : bytes
-        The same of the normal map.
     blender : tuple of str
         See `fbx_file.program`; for FBX files.
+    detail : bytes
+        The same of the normal map.
     """
 
     path: Path
     face: StoredFace | None
     options: ExportOptions
     picture: bytes = b""
-    detail: bytes = b""
     blender: tuple[str, ...] = ()
+    detail: bytes = b""
 
 
 def with_ending(path: str, kind: str) -> str:

@@ -62,11 +62,11 @@ def add(
     """
     # As on the surface itself: v of the picture runs down from its bottom row.
     obj = _object(f"{face.name} {kind}", local)
-    obj[MARK] = "mesh"
+    obj[MARK] = kind
     if skin is None:
         skin = next(iter(face.data.materials), None)
     for part in _parts(local):
-        obj.data.materials.append(skin if part == "skin" else _part_material(part))
+        obj.data.materials.append(skin if part == "skin" else _material(part))
     for collection in face.users_collection:
         collection.objects.link(obj)
     obj.matrix_world = face.matrix_world
@@ -92,31 +92,14 @@ def stand_alone(name: str, made: QuadMesh, texture: Path | None) -> bpy.types.Ob
     obj = _object(name, local)
     for part in _parts(made):
         if part == "skin":
-            image = None if texture is None else bpy.data.images.load(str(texture))
-            material = _plain_material(f"{name} skin", image)
+            material = _plain(f"{name} skin")
+            if texture is not None:
+                # From its file: exporters find no others.
+                _paint(material, bpy.data.images.load(str(texture)))
         else:
-            material = _part_material(part)
+            material = _material(part)
         obj.data.materials.append(material)
     return obj
-
-
-def head_skin(face: bpy.types.Object, png: bytes) -> bpy.types.Material:
-    """The material of the face's head.
-
-    Parameters
-    ----------
-    face : bpy.types.Object
-    png : bytes
-        The head's picture, its last row the top; empty for the colour of a face
-        without a map.
-    """
-    name = f"{face.name} head"
-    if png:
-        return _plain_material(name, packed_image(name, png))
-    made = _plain_material(name)
-    _shader(made).inputs["Base Color"].default_value = face_material.PLAIN
-    made.diffuse_color = face_material.PLAIN
-    return made
 
 
 def _parts(made: QuadMesh) -> list[str]:
@@ -159,39 +142,58 @@ def _fill(mesh: bpy.types.Mesh, points: np.ndarray, quads: np.ndarray) -> None:
     mesh.validate()
 
 
-def _part_material(part: str) -> bpy.types.Material:
-    """The material of eyes or mouth; all faces share it."""
+def head_skin(face: bpy.types.Object, png: bytes) -> bpy.types.Material:
+    """The material of the face's head.
+
+    Parameters
+    ----------
+    face : bpy.types.Object
+    png : bytes
+        The head's picture, its last row the top; empty for the colour of a face
+        without a map.
+    """
+    material = _plain(f"{face.name} head")
+    if png:
+        _paint(material, packed_image(material.name, png))
+    else:
+        colour = face_material.PLAIN
+        _shader(material).inputs["Base Color"].default_value = colour
+        material.diffuse_color = colour
+    return material
+
+
+def _material(part: str) -> bpy.types.Material:
+    """The material of all eyes, or of all mouths."""
     name = f"BSface {part}"
     found = bpy.data.materials.get(name)
     if found is not None:
         return found
+    material = _plain(name)
+    shader = _shader(material)
     if part == "mouth":
-        material = _plain_material(name)
-        material.diffuse_color = MOUTH
-        _shader(material).inputs["Base Color"].default_value = MOUTH
+        material.diffuse_color = shader.inputs["Base Color"].default_value = MOUTH
         return material
-    material = _plain_material(name, packed_image(name, encode_png(iris_picture())))
-    _shader(material).inputs["Roughness"].default_value = 0.1
+    shader.inputs["Roughness"].default_value = 0.1
+    _paint(material, packed_image(name, encode_png(iris_picture())))
     return material
 
 
-def _plain_material(
-    name: str, image: bpy.types.Image | None = None
-) -> bpy.types.Material:
-    """Blender's own shader, coloured by a picture."""
+def _plain(name: str) -> bpy.types.Material:
     material = bpy.data.materials.new(name)
     if material.node_tree is None:
         material.use_nodes = True  # before Blender 5.0; deprecated since
-    if image is not None:
-        nodes, links = material.node_tree.nodes, material.node_tree.links
-        picture = nodes.new("ShaderNodeTexImage")
-        picture.image = image
-        shader = _shader(material)
-        links.new(picture.outputs["Color"], shader.inputs["Base Color"])
-        nodes.active = picture
     return material
 
 
 def _shader(material: bpy.types.Material) -> bpy.types.Node:
     nodes = material.node_tree.nodes
     return next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+
+
+def _paint(material: bpy.types.Material, image: bpy.types.Image) -> None:
+    """Give a material the colours of a picture."""
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    picture = nodes.new("ShaderNodeTexImage")
+    picture.image = image
+    links.new(picture.outputs["Color"], _shader(material).inputs["Base Color"])
+    nodes.active = picture

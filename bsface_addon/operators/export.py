@@ -141,13 +141,9 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
                 image = material.stored_map(face, kind)
                 if image is not None and image.packed_file is not None:
                     pictures[use] = image.packed_file.data
-        return FileToWrite(
-            Path(path),
-            face_file.stored(face),
-            options,
-            blender=fbx_file.program(bpy.app.binary_path),
-            **pictures,
-        )
+        program = fbx_file.program(bpy.app.binary_path)
+        stored = face_file.stored(face)
+        return FileToWrite(Path(path), stored, options, blender=program, **pictures)
 
 
 class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):

@@ -107,17 +107,17 @@ class HeadRequest:
     face : StoredFace
     density : str
     keys : bool
-    unit : float or None
-        Of the face object, `surface_object.UNIT_KEY`.
     picture : bytes
         Packed file of the face's skin; empty for none.
+    unit : float or None
+        The object's units per millimetre.
     """
 
     face: StoredFace
     density: str
     keys: bool
-    unit: float | None
     picture: bytes
+    unit: float | None
 
 
 class BSFACE_OT_full_head(ChangingOperator, LongOperator, bpy.types.Operator):
@@ -135,13 +135,9 @@ class BSFACE_OT_full_head(ChangingOperator, LongOperator, bpy.types.Operator):
         skin = material.stored_map(face, "SKIN")
         packed = skin.packed_file if skin is not None else None
         picture = packed.data if packed is not None else b""
-        return HeadRequest(
-            face_file.stored(face),
-            self.density.lower(),
-            self.keys,
-            face.get(surface_object.UNIT_KEY),
-            picture,
-        )
+        stored = face_file.stored(face)
+        unit = face.get(surface_object.UNIT_KEY)
+        return HeadRequest(stored, self.density.lower(), self.keys, picture, unit)
 
     @staticmethod
     def work(solver, request, progress):
