@@ -331,10 +331,13 @@ def mask():
     call("mask_edit", "INVOKE_DEFAULT", photo=bpy.context.scene.camera["bsface_photo"])
 
 
+@step(3.0)  # a stroke needs a view that was drawn
+def mask_open():
+    return 0.5 if running() else None
+
+
 @step(40.0)  # until the shaders are there
 def strokes():
-    if running():
-        return 0.5
     area, where = view()
     region = where["region"]
     # A hand's width of paint beside the eyes, and a spot of skin in the hair.
@@ -361,7 +364,6 @@ def strokes():
         ]
         with bpy.context.temp_override(**where):
             bpy.ops.paint.image_paint(stroke=path)
-    return None
 
 
 picture("artist_mask")

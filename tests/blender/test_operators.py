@@ -17,6 +17,8 @@ NO_UNDO = {
     "export",
     "job_cancel",
     "landmarks_export",
+    "mask_brush",
+    "mask_save",
     "preset_add",
     "texture_save",
 }
