@@ -31,7 +31,7 @@ PHOTOS = ROOT / "examples" / "photos"
 OLD = b"what was there before"
 OUTPUTS = ("face.npz", "face.step", "face.obj")
 #: What goes with them, so that it may be there before its file is.
-COMPANIONS = ("face.mtl", "face.png")
+COMPANIONS = ("face.mtl", "face.png", "face_normal.png", "face_displacement.png")
 QUICK = ("--set=control_points=12,12", "--set=iterations=1", "--set=light_degree=2")
 SIGNALS = ("SIGINT", "SIGTERM", "SIGKILL")
 

@@ -86,7 +86,7 @@ def files_of(name: str | os.PathLike) -> tuple[Path, ...]:
     if ending(path) != ".obj":
         return (path,)
     plain = "_".join(path.stem.split())
-    ends = (".mtl", ".png", "_eyes.png")
+    ends = (".mtl", ".png", "_normal.png", "_displacement.png", "_eyes.png")
     return (path, *(path.with_name(plain + end) for end in ends))
 
 

@@ -3,13 +3,16 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bsface.cli.arguments import parse_settings
+from bsface.drawing.pictures import write_png
 from bsface.errors import PhotoFailure, ReconstructionError, one_line
 from bsface.files import is_temporary, replacing, why_not_writable, write_text
 from bsface.formats import load_face
+from bsface.formats.mesh import write_mesh_obj
 from bsface.report.log_file import log_file
-from bsface.report.outputs import check_outputs
+from bsface.report.outputs import check_outputs, files_of
 from bsface.surface.template import load_template
 from permissions import as_ordinary_user
 
@@ -86,6 +89,22 @@ def test_what_goes_with_an_output_is_judged_too(tmp_path):
         check_outputs([], report=str(tmp_path / "a.html"))
     with pytest.raises(ValueError, match=r"b\.mtl: is a folder"):
         check_outputs([str(tmp_path / "b.obj")])
+
+
+def test_a_textured_obj_makes_no_other_files_than_are_judged(tmp_path):
+    picture = write_png(tmp_path / "x.png", np.zeros((8, 8, 3), np.uint8))
+    path = tmp_path / "made" / "my face.obj"
+    path.parent.mkdir()
+    write_mesh_obj(
+        path,
+        load_template().surface.resampled((8, 8)),
+        tolerance=5.0,
+        texture=picture,
+        normals=picture,
+        displacement=picture,
+    )
+    made = set(path.parent.iterdir())
+    assert len(made) == 5 and made <= set(files_of(path))
 
 
 def test_places_where_no_file_can_stand(tmp_path):
