@@ -142,6 +142,7 @@ def own_times(stats: pstats.Stats, folder: str) -> list[dict]:
 def dense(net: int, points: int) -> list[dict]:
     """Eq. 6 as Algorithm 1 prints it, dense and inverted, against the sparse solve."""
     from bsface.solve.paper.shading import (
+        NormalField,
         NormalRows,
         ShadingParameters,
         left_matrix,
@@ -157,12 +158,13 @@ def dense(net: int, points: int) -> list[dict]:
     uv = np.stack(np.meshgrid(x, x, indexing="ij"), -1).reshape(-1, 2)
     rows = NormalRows.at(shape, uv)
     h = normals_of(b + np.random.default_rng(0).normal(0, 0.3, b.shape), rows)
+    field = NormalField(h, np.ones(len(h)))
     parameters = ShadingParameters()
 
     runs = 5
     start = time.process_time()
     for _ in range(runs):
-        ours = solve_eq6(b, h, b, rows, parameters).x
+        ours = solve_eq6(b, field, b, rows, parameters).x
     seconds = (time.process_time() - start) / runs
 
     start = time.process_time()
