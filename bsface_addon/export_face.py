@@ -11,11 +11,8 @@ import numpy as np
 
 from ..core.drawing.pictures import encode_png
 from ..core.files import write_bytes
-from ..core.formats import ending, export
+from ..core.formats import ending, export, textured_quads
 from ..core.formats.options import ExportOptions
-from ..core.rig.head import full_head
-from ..core.rig.mesh import quad_mesh
-from ..core.texture.head import head_texture
 from . import fbx_file
 from .face_file import StoredFace
 
@@ -75,20 +72,12 @@ def _ending(path: str) -> str:
 
 
 def _write_fbx(wanted: FileToWrite, options: ExportOptions) -> Path:
-    face, texture = wanted.face.read(), options.texture
-    if options.head:
-        mesh = full_head(face, options.density, keys=options.keys)
-        if texture is not None:
-            picture = head_texture(texture, face.template)
-            texture = write_bytes(Path(texture).with_name("head.png"), picture)
-    else:
-        mesh = quad_mesh(
-            face,
-            options.density,
-            eyes=options.openings,
-            mouth=options.openings,
-            keys=options.keys,
-        )
+    # No normal map: FBX takes the texture only.
+    mesh, texture, _ = textured_quads(
+        wanted.face.read(), replace(options, normals=None)
+    )
+    if isinstance(texture, bytes):
+        texture = write_bytes(Path(options.texture).with_name("head.png"), texture)
     return fbx_file.write_fbx(wanted.path, mesh, options.name, wanted.blender, texture)
 
 

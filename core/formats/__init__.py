@@ -6,12 +6,13 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from .._types import Array
 from ..errors import ReconstructionError, one_line
 from ..result import Reconstruction
 from ..rig.head import full_head
-from ..rig.mesh import quad_mesh
+from ..rig.mesh import QuadMesh, quad_mesh
 from ..texture.head import FLAT, head_texture
 from .exchange import ExchangeCurve
 from .face_file import load_face, save_face
@@ -60,16 +61,45 @@ def _freeform_obj(path: Path, face: Reconstruction, options: ExportOptions) -> P
     return write_freeform_obj(path, face.surface, outline, name)
 
 
-def _head_texture(face: Reconstruction, options: ExportOptions) -> bytes | None:
-    if options.texture is None:
-        return None
-    return head_texture(options.texture, face.template)
+class TexturedQuads(NamedTuple):
+    """A quad mesh with the pictures of its skin.
+
+    Attributes
+    ----------
+    mesh : QuadMesh
+    texture, normals : path or bytes, or None
+        PNG or JPEG pictures over the mesh's ``uv``.
+    """
+
+    mesh: QuadMesh
+    texture: str | os.PathLike | bytes | None
+    normals: str | os.PathLike | bytes | None
+
+
+def textured_quads(face: Reconstruction, options: ExportOptions) -> TexturedQuads:
+    """The face or the whole head as quads, with the pictures that the options name."""
+    texture, normals = options.texture, options.normals
+    if not options.head:
+        mesh = quad_mesh(
+            face,
+            options.density,
+            eyes=options.openings,
+            mouth=options.openings,
+            keys=options.keys,
+        )
+        return TexturedQuads(mesh, texture, normals)
+    mesh = full_head(face, options.density, keys=options.keys)
+    if texture is not None:
+        texture = head_texture(texture, face.template)
+    if normals is not None:
+        normals = head_texture(normals, face.template, FLAT)
+    return TexturedQuads(mesh, texture, normals)
 
 
 def _obj(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
     if options.head:
-        mesh = full_head(face, options.density, keys=False)
-        texture = _head_texture(face, options)
+        held = replace(options, keys=False, normals=None)  # what OBJ can hold
+        mesh, texture, _ = textured_quads(face, held)
         return write_quads_obj(path, mesh, _name(path, options), texture)
     return write_mesh_obj(
         path,
@@ -89,20 +119,8 @@ def _ply(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
 
 
 def _glb(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
-    if options.head:
-        mesh = full_head(face, options.density, keys=options.keys)
-        texture, normals = _head_texture(face, options), None
-        if options.normals is not None:
-            normals = head_texture(options.normals, face.template, FLAT)
-        return write_glb(path, mesh, _name(path, options), texture, normals)
-    mesh = quad_mesh(
-        face,
-        options.density,
-        eyes=options.openings,
-        mouth=options.openings,
-        keys=options.keys,
-    )
-    return write_glb(path, mesh, _name(path, options), options.texture, options.normals)
+    mesh, texture, normals = textured_quads(face, options)
+    return write_glb(path, mesh, _name(path, options), texture, normals)
 
 
 def _solid(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
