@@ -21,11 +21,11 @@ from .arkit import Face, FaceUnits, feature_sizes, units_for
 from .base_head import BaseHead, base_head, face_region
 from .continuation import Continuation
 from .mesh import (
-    DENSITIES,
     SIDES,
     QuadMesh,
     Skin,
     SurfaceSkin,
+    cells_of,
     divided_lips,
     furnished,
     regions,
@@ -69,15 +69,13 @@ def full_head(face: Face, density: str = "medium", *, keys: bool = True) -> Quad
     ValueError
         When the density is unknown.
     """
-    if density not in DENSITIES:
-        raise ValueError(
-            f"density must be one of {', '.join(DENSITIES)}, not {density!r}"
-        )
+    *_, ball_cells = cells_of(density)
     units = units_for(face)
     base = base_head(density)
     region = face_region(base.uv)
     seen = np.flatnonzero(region <= 1)
-    sheet = SurfaceSkin(face, units, base.uv[seen], _lip_side(base, units)[seen])
+    lip_side = _lip_side(base, units)
+    sheet = SurfaceSkin(face, units, base.uv[seen], lip_side[seen])
     sure = region[seen] <= SURE
     placed = fit_similarity(base.points[seen][sure], sheet.points[sure])
 
@@ -106,7 +104,7 @@ def full_head(face: Face, density: str = "medium", *, keys: bool = True) -> Quad
         points=points,
         quads=base.quads,
         uv=base.place,
-        groups=_groups(base, region, units),
+        groups=_groups(base, region, lip_side, units),
         lids=base.lids,
         lips=(base.lip_upper, base.lip_lower),
         blinks=tuple(
@@ -116,7 +114,7 @@ def full_head(face: Face, density: str = "medium", *, keys: bool = True) -> Quad
         movement=movement,
     )
     eye_distance = feature_sizes(face.surface, units)["eyes"]
-    return furnished(skin, units, eye_distance, DENSITIES[density][2], keys)
+    return furnished(skin, units, eye_distance, ball_cells, keys)
 
 
 def surface_weight(region: Array) -> Array:
@@ -135,13 +133,14 @@ def _lip_side(base: BaseHead, units: FaceUnits) -> Array:
     return side
 
 
-def _groups(base: BaseHead, region: Array, units: FaceUnits) -> dict[str, Indices]:
+def _groups(
+    base: BaseHead, region: Array, lip_side: Array, units: FaceUnits
+) -> dict[str, Indices]:
     """Vertices of each region; every vertex is in one."""
     is_face = region <= 1
     is_face[base.ears] = False
     numbers = np.flatnonzero(is_face)
-    side = _lip_side(base, units)[numbers]
-    found = divided_lips(regions(base.uv[numbers], units), side)
+    found = divided_lips(regions(base.uv[numbers], units), lip_side[numbers])
     groups = {name: numbers[index] for name, index in found.items()}
     left = base.points[:, 0] > 0
     ear = np.zeros(len(left), bool)

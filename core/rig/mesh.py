@@ -96,12 +96,8 @@ def quad_mesh(
     ValueError
         When the density is unknown.
     """
-    if density not in DENSITIES:
-        raise ValueError(
-            f"density must be one of {', '.join(DENSITIES)}, not {density!r}"
-        )
+    nu, nv, ball_cells = cells_of(density)
     units = units_for(face)
-    nu, nv, ball_cells = DENSITIES[density]
     slits = [lid_slit(loop) for loop in units.lids_uv] if eyes else []
     if mouth:
         slits.append(Slit(units.lips_uv, units.lips_uv))
@@ -129,6 +125,21 @@ def quad_mesh(
     )
     eye_distance = feature_sizes(face.surface, units)["eyes"]
     return furnished(skin, units, eye_distance, ball_cells, keys)
+
+
+def cells_of(density: str) -> tuple[int, int, int]:
+    """Quads along u and v, and along the edge of an eyeball's cube.
+
+    Raises
+    ------
+    ValueError
+        When the density is unknown.
+    """
+    if density not in DENSITIES:
+        raise ValueError(
+            f"density must be one of {', '.join(DENSITIES)}, not {density!r}"
+        )
+    return DENSITIES[density]
 
 
 class SurfaceSkin:
