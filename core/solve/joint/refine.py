@@ -211,7 +211,7 @@ def refine(
             moved = movement(now.state, step, samples)
             stretch, last = relaxation(moved, last), moved
             state, size = take_step(
-                now.state, step, samples, options.max_step_mm, stretch
+                now.state, step, moved, options.max_step_mm, stretch
             )
             yield JointIteration(
                 number,
@@ -231,12 +231,15 @@ def refine(
 def take_step(
     state: State,
     step: Step,
-    samples: Samples,
+    moved: Array,
     max_step_mm: float,
     stretch: float = 1.0,
 ) -> tuple[State, float]:
-    """The state after a step, shortened if need be; its largest movement, mm."""
-    size = float(np.abs(movement(state, step, samples)).max())
+    """The state after a step, shortened if need be; its largest movement, mm.
+
+    ``moved`` is the `movement` of the samples by the whole step.
+    """
+    size = float(np.abs(moved).max())
     damping = min(stretch, max_step_mm / max(size, 1e-12))
     return state.retract(step, damping), damping * size
 

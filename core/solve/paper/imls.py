@@ -48,7 +48,7 @@ from ..joint.linearise import (
 )
 from ..joint.method import begin, estimate_at, photometric_evidence
 from ..joint.options import JointOptions
-from ..joint.refine import Evidence, JointIteration, JointParts, take_step
+from ..joint.refine import Evidence, JointIteration, JointParts, movement, take_step
 from ..joint.samples import Samples, sample_surface
 from ..joint.state import DisplacementModel, State, Step
 from ..joint.system import BorderedSystem, Term, assemble
@@ -184,7 +184,8 @@ def imls(
             with singular_reported():
                 system = motion_system(now, samples, work.terms)
                 step = system.solve()
-            state, size = take_step(now.state, step, samples, options.max_step_mm)
+            moved = movement(now.state, step, samples)
+            state, size = take_step(now.state, step, moved, options.max_step_mm)
             done += 1
             found = estimate_at(state, problem, estimate)
             if done == total:
@@ -261,7 +262,7 @@ def shading_step(
         free = T2 if frozen is T1 else T1
         step = solve(free.T @ field.force[:, fitted], len(state.cameras))
         before = state.displacement
-        state, _ = take_step(state, step, samples, max_step_mm)
+        state, _ = take_step(state, step, movement(state, step, samples), max_step_mm)
         moved = state.displacement - before
         reached = np.stack([T1 @ moved, T2 @ moved], 1)
         field = field._replace(slopes=field.slopes - reached)
