@@ -67,7 +67,7 @@ def two_batches(times: int, seed: int) -> tuple[str, int]:
         process, lasts = start(words), 0.0
         began = time.perf_counter()
         if finish(process):
-            raise SystemExit("faults.py: one batch alone fails too.")
+            raise SystemExit("two_at_a_time.py: one batch alone fails too.")
         lasts = time.perf_counter() - began
         wanted = contents(out)
         for _ in range(times):
