@@ -1,5 +1,7 @@
 """Fixtures that the tests of the add-on share."""
 
+import shutil
+
 import pytest
 
 bpy = pytest.importorskip("bpy", reason="needs Blender's module bpy")
@@ -11,6 +13,23 @@ from blender.checkout import load  # noqa: E402
 def pytest_configure(config):
     if config.getoption("--from-zip"):
         checkout.use_zip()
+
+
+@pytest.fixture
+def example_photos():
+    """Copies some of the example photos into a folder, where the networks can run."""
+    try:
+        load("core.landmarks.face_models").find_models()
+    except load("core.errors").ReconstructionError as error:
+        pytest.skip(f"no face models: {error}")
+
+    def copied(folder, numbers):
+        for number in numbers:
+            path = checkout.ROOT / "examples" / "photos" / f"{number:03}.jpg"
+            shutil.copy(path, folder)
+        return folder
+
+    return copied
 
 
 @pytest.fixture

@@ -1,30 +1,20 @@
 """The artist's whole path on real photos: folder, face, coarse edit, mesh, GLB."""
 
-import shutil
-
 import bpy
 import numpy as np
 import pytest
-from blender.checkout import ROOT, load
+from blender.checkout import load
 
 ARKIT_NAMES = load("core.rig.names").ARKIT_NAMES
 coarse_editor = load("bsface_addon.coarse_editor")
-errors = load("core.errors")
-face_models = load("core.landmarks.face_models")
 material = load("bsface_addon.material")
 surface_object = load("bsface_addon.surface_object")
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, example_photos):
     """Three of the example photos."""
-    try:
-        face_models.find_models()
-    except errors.ReconstructionError as error:
-        pytest.skip(f"no face models: {error}")
-    for number in (3, 8, 13):
-        shutil.copy(ROOT / "examples" / "photos" / f"{number:03}.jpg", tmp_path)
-    return tmp_path
+    return example_photos(tmp_path, (3, 8, 13))
 
 
 def world(obj, key=None):

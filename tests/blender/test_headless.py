@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from blender.checkout import ROOT, load
+from blender.checkout import load
 
 headless = load("bsface_addon.headless")
 arguments = load("bsface_addon.arguments")
@@ -125,18 +124,11 @@ def test_no_option_begins_like_those_that_cycles_reads():
             assert not any(name.startswith("--c") for name in action.option_strings)
 
 
-def test_as_a_script_on_real_photos(tmp_path):
+def test_as_a_script_on_real_photos(tmp_path, example_photos):
     """No fixtures, no fakes: a process of its own, five photos, no shading."""
     photos = tmp_path / "photos"
     photos.mkdir()
-    for path in sorted((ROOT / "examples" / "photos").glob("*.jpg"))[::8]:
-        shutil.copy(path, photos)
-    face_models = load("core.landmarks.face_models")
-    errors = load("core.errors")
-    try:
-        face_models.find_models()
-    except errors.ReconstructionError as error:
-        pytest.skip(f"no face models: {error}")
+    example_photos(photos, range(0, 40, 8))
     blend = tmp_path / "face.blend"
     run = subprocess.run(
         [sys.executable, SCRIPT, "--", photos, blend, "--method", "motion"]

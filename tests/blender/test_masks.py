@@ -1,14 +1,13 @@
 """What is skin: the tint over the photos, the paint, its files, its way into a run."""
 
 import dataclasses
-import shutil
 
 import bpy
 import cv2
 import numpy as np
 import pytest
 from blender import faces
-from blender.checkout import ROOT, load
+from blender.checkout import load
 
 cameras = load("bsface_addon.cameras")
 mask_editor = load("bsface_addon.mask_editor")
@@ -20,8 +19,6 @@ solving = load("bsface_addon.solving")
 mask_file = load("core.images.mask_file")
 SkinMask = load("core.photometry.skin").SkinMask
 Photo = load("core.images.photo").Photo
-face_models = load("core.landmarks.face_models")
-errors = load("core.errors")
 
 WIDTH, HEIGHT = faces.SIZE
 
@@ -311,14 +308,11 @@ def test_another_picture_in_the_row_has_no_mask(face, rows, tmp_path):
 # --- the real thing ------------------------------------------------------------------
 
 
-def test_half_of_a_face_painted_out_is_not_skin_in_the_run(addon, tmp_path):
+def test_half_of_a_face_painted_out_is_not_skin_in_the_run(
+    addon, tmp_path, example_photos
+):
     """No fakes: the paint changes the mask of this photo, and of no other."""
-    try:
-        face_models.find_models()
-    except errors.ReconstructionError as error:
-        pytest.skip(f"no face models: {error}")
-    for number in (3, 8):
-        shutil.copy(ROOT / "examples" / "photos" / f"{number:03}.jpg", tmp_path)
+    example_photos(tmp_path, (3, 8))
     bpy.ops.bsface.photos_add(directory=str(tmp_path))
     state = bpy.context.scene.bsface
     state.settings.method, state.texture_size = "motion", "512"

@@ -1,12 +1,11 @@
 """The real thing on a few photos: first run, edit, refit; no fakes."""
 
 import dataclasses
-import shutil
 
 import bpy
 import numpy as np
 import pytest
-from blender.checkout import ROOT, load
+from blender.checkout import load
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
@@ -16,20 +15,12 @@ face_file = load("bsface_addon.face_file")
 material = load("bsface_addon.material")
 photo_list = load("bsface_addon.photo_list")
 surface_object = load("bsface_addon.surface_object")
-face_models = load("core.landmarks.face_models")
-errors = load("core.errors")
 
 
 @pytest.fixture
-def photos(tmp_path):
+def photos(tmp_path, example_photos):
     """Five of the example photos."""
-    try:
-        face_models.find_models()
-    except errors.ReconstructionError as error:
-        pytest.skip(f"no face models: {error}")
-    for path in sorted((ROOT / "examples" / "photos").glob("*.jpg"))[::8]:
-        shutil.copy(path, tmp_path)
-    return str(tmp_path)
+    return str(example_photos(tmp_path, range(0, 40, 8)))
 
 
 def reprojection(face):
