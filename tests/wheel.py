@@ -5,8 +5,7 @@
 
 Commands run in a folder of their own, on four of the example photos. The control
 points have to be those of the reference to a millionth of a millimetre, whatever the
-versions of NumPy, SciPy and OpenCV. With the wheel, the tests of reading, videos'
-colours, surface, light and CAD formats run too.
+versions of NumPy, SciPy and OpenCV.
 """
 
 from __future__ import annotations
@@ -27,8 +26,6 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 CHOSEN = ("000.jpg", "005.jpg", "011.jpg", "020.jpg")
 SMALL = ("--set=control_points=16,16", "--set=iterations=2")
-#: What depends most on the versions of the libraries.
-TESTS = ("photos", "remap", "video_colour", "bspline", "harmonics", "formats_cad")
 #: Versions of OpenCV differ in the last digits of a blur, which moves control points by
 #: about 1e-9 mm.
 TOLERANCE_MM = 1e-6
@@ -91,9 +88,7 @@ def main() -> int:
     off = float(np.abs(points - np.load(reference)).max())
     print(f"control points within {off:.1e} mm of the reference", flush=True)
     assert off < TOLERANCE_MM, off
-    tests = [str(ROOT / "tests" / "core" / f"test_{name}.py") for name in TESTS]
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
-    return subprocess.call(command, cwd=ROOT)
+    return 0
 
 
 if __name__ == "__main__":
