@@ -8,6 +8,8 @@ their Euclidean distance: below 0.6 they are of one person in most cases.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from .._types import Array
@@ -48,11 +50,17 @@ def anchor_points(landmarks: Landmarks) -> Array | None:
 
     All schemes have them.
     """
-    scheme = np.asarray(load_template().schemes[landmarks.scheme]).tolist()
-    rows = [scheme.index(anchor) for anchor in ANCHORS]
+    rows = list(_anchor_rows(landmarks.scheme))
     if not (landmarks.weight[rows] > 0).all():
         return None
     return landmarks.points[rows]
+
+
+@cache
+def _anchor_rows(scheme: str) -> tuple[int, ...]:
+    """Where the anchors stand in a scheme, which is the same for all templates."""
+    numbers = np.asarray(load_template().schemes[scheme]).tolist()
+    return tuple(numbers.index(anchor) for anchor in ANCHORS)
 
 
 def face_crop(points: Array) -> Crop:

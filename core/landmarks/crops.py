@@ -67,12 +67,14 @@ def sample(levels: list[np.ndarray], crop: Crop, size: int) -> np.ndarray:
     # stands between a level's pixels and the original's.
     corner = crop.centre + axes @ np.full(2, 0.5 - size / 2)
     corner = (corner + 0.5) / 2**level - 0.5
-    across, down = np.meshgrid(np.arange(size), np.arange(size))
-    xy = corner + np.stack([across, down], -1) @ (axes / 2**level).T
-    # Only the part that is read becomes floating point.
+    right, down = (axes / 2**level).T
+    steps = np.arange(size)[:, None]
+    xy = (corner + steps * down)[:, None] + steps * right
+    # Only the part that is read becomes floating point: what the corners span.
     h, w = levels[level].shape[:2]
-    low = np.clip(np.floor(xy.min((0, 1))).astype(int) - 1, 0, (w - 1, h - 1))
-    high = np.clip(np.ceil(xy.max((0, 1))).astype(int) + 2, low + 1, (w, h))
+    corners = xy[[0, 0, -1, -1], [0, -1, 0, -1]]
+    low = np.clip(np.floor(corners.min(0)).astype(int) - 1, 0, (w - 1, h - 1))
+    high = np.clip(np.ceil(corners.max(0)).astype(int) + 2, low + 1, (w, h))
     part = levels[level][low[1] : high[1], low[0] : high[0]].astype(np.float32)
     found = read_between(part, xy - low)
     return np.rint(found).astype(np.uint8)

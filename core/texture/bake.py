@@ -31,6 +31,7 @@ from ..errors import ReconstructionError
 from ..images.colour import to_picture
 from ..photometry.skin import SkinMask
 from ..result import Reconstruction
+from ..threads import one_blas_thread
 from .blend import (
     choose_where_disagreeing,
     coarse_band,
@@ -89,6 +90,7 @@ class Texture:
         return self.albedo.shape[0]
 
 
+@one_blas_thread()
 def bake_texture(
     reconstruction: Reconstruction,
     size: int | None = None,
