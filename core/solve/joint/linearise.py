@@ -277,8 +277,8 @@ def linearise(
     c = np.empty((3, *seen.values.shape))
     c[0] = seen.by_displacement
     s = np.empty_like(seen.values)
-    by_motion = seen.by_motion.copy()
     _, E_u, E_v = samples.expressions
+    by_motion = seen.by_motion.copy() if len(E_u) else seen.by_motion
     for k, N in enumerate(geometry.normals):
         which = list(range(n)) if len(geometry.normals) == 1 else [k]
         turn = samples.transfer.slopes(N, lights[which])

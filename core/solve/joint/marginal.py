@@ -67,8 +67,9 @@ def displacement_deviation(system: BorderedSystem, splines: int = SPLINES) -> Ar
         if k + 1 == _BATCH or i + 1 == n:
             part = batch[: (k + 1) * m].T
             eliminated = dsyrk(1.0, part, 1.0, eliminated, overwrite_c=1)
-    total = -np.triu(eliminated)
-    total += np.triu(total, 1).T
+    total = np.negative(eliminated, out=eliminated)
+    for i in range(size + q):
+        total[i + 1 :, i] = total[i, i + 1 :]
     total[size:, size:] += gram(np.sqrt((W * s * s).sum(0))[:, None] * F)
     total[size:, size:] += 1e-9 * np.diag(np.diag(total[size:, size:]) + 1.0)
     both = np.zeros((size, q))
@@ -85,11 +86,14 @@ def displacement_deviation(system: BorderedSystem, splines: int = SPLINES) -> Ar
     K, D = shape.model.prior.smooth, shape.D
     KD = K @ D
     prior = cho_factor(np.eye(D.shape[1]) + D.T @ KD)
-    total[:size, :size] += (known + K).toarray() - KD @ cho_solve(prior, KD.T)
+    total[:size, :size] -= KD @ cho_solve(prior, KD.T)
+    total[:size, :size] += (known + K).toarray()
     inner = cho_factor(total[size:, size:])
     left = total[:size, :size]
     left -= total[:size, size:] @ cho_solve(inner, total[size:, :size])
-    covariance, info = dpotri(np.linalg.cholesky(left).T, lower=0)
+    factor = np.linalg.cholesky(left)
+    del total, left, eliminated
+    covariance, info = dpotri(factor.T, lower=0, overwrite_c=1)
     if info:
         raise np.linalg.LinAlgError("the precision of the displacement is singular")
     return np.sqrt(np.diag(covariance))

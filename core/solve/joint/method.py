@@ -64,6 +64,7 @@ def joint(
                 deviation=_deviation(one, start.model),
             )
         yield Iteration("refine", found, one.residual, one.step_mm, done, sum(steps))
+        del one  # before the next one is made
 
 
 def begin(

@@ -70,6 +70,10 @@ class JointOptions:
         Precision of the step of the other parameters of a camera.
     max_step_mm : float
         Steps of the surface that are larger are shortened to this.
+    tolerance : float
+        Relative residual, in the metric of the photos' blocks, at which the conjugate
+        gradients of a step stop. The next step takes up what is left (inexact Newton
+        steps: Dembo, Eisenstat and Steihaug 1982).
     """
 
     levels: tuple[Level, ...]
@@ -86,6 +90,7 @@ class JointOptions:
     expression_spread: float = 0.7
     camera_damping: float = 1e-6
     max_step_mm: float = 4.0
+    tolerance: float = 1e-3
 
     @classmethod
     def from_settings(cls, settings: Settings) -> JointOptions:

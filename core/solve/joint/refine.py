@@ -206,7 +206,7 @@ def refine(
             now = work.look(pictures, samples, state, check_cancelled)
             system = assemble(now.rows, now.state, work.terms)
             check_cancelled()
-            step = system.solve()
+            step = system.solve(options.tolerance)
             check_cancelled()
             moved = movement(now.state, step, samples)
             stretch, last = relaxation(moved, last), moved
@@ -224,6 +224,8 @@ def refine(
                 system,
                 size,
             )
+            # What one step is made of is most of the memory: not that of two at a time.
+            del now, system
             if size < level.settled_mm:
                 break
 

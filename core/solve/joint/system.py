@@ -30,10 +30,6 @@ from .marginal import displacement_deviation
 from .shape_block import ShapeBlock
 from .state import State, Step
 
-#: Relative residual at which the conjugate gradients stop, in the metric of the photos'
-#: blocks.  So small because visibility has thresholds: a step that is 1e-5 mm off makes
-#: other samples visible, and some steps later that is a tenth of a millimetre.
-TOLERANCE = 1e-9
 #: Far more steps than any system has needed.
 MOST_STEPS = 2000
 
@@ -91,8 +87,13 @@ class BorderedSystem:
         """Add between displacement and motion of photo ``i``, ``(M*N, 7 + e)``."""
         self.coupling[:, i] += coupling
 
-    def solve(self) -> Step:
+    def solve(self, tolerance: float) -> Step:
         """The step.
+
+        Parameters
+        ----------
+        tolerance : float
+            Relative residual at which the conjugate gradients stop.
 
         Raises
         ------
@@ -112,7 +113,7 @@ class BorderedSystem:
         y, failed = cg(
             LinearOperator((size, size), multiply, dtype=float),
             _apply(whiten, right).ravel(),
-            rtol=TOLERANCE,
+            rtol=tolerance,
             maxiter=MOST_STEPS,
             M=LinearOperator((size, size), coarse.precondition, dtype=float),
         )
