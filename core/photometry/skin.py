@@ -278,10 +278,11 @@ def _mask(photo: Photo, camera: Camera, colours: _Colours, i: int) -> SkinMask:
     at = _original_pixels((h, w), (x0, y0, scale))
     distance, nearest = cKDTree(xy / camera.s).query(at / camera.s, k=NEIGHBOURS)
     # Beyond all samples the nearest ones decide.
-    weight = np.exp(-0.5 * (distance / NEAR_MM) ** 2) + 1e-12 / (1 + distance) ** 4
+    weight = np.exp(-0.5 * (distance / NEAR_MM) ** 2)
+    weight += 1e-12 / np.square(np.square(1 + distance))
     weight /= weight.sum(1, keepdims=True)
-    shading = (weight[..., None] * colours.shading[i, seen][nearest]).sum(1)
-    inner = (weight * colours.middle[seen][nearest]).sum(1) > 0.5
+    shading = np.einsum("pk,pkc->pc", weight, colours.shading[i, seen][nearest])
+    inner = np.einsum("pk,pk->p", weight, colours.middle[seen][nearest]) > 0.5
     inner &= distance[:, 0] < NEAR_MM
     colour = np.log(np.maximum(small.reshape(-1, 3), BLACK)) - shading
     skin = np.where(inner, 1.0, _likeness(colour @ OPPONENT, colours.spread))

@@ -75,13 +75,13 @@ def consensus(
     for _ in range(4):
         check_cancelled()
         level = np.maximum(base.mean(axis=2), 1e-4)[..., None]
-        square = (((delit - base) / level) ** 2).mean(axis=3)
+        away = (delit - base) / level
+        square = np.einsum("nvuc,nvuc->nvu", away, away) / 3
         agreement = 1 / (1 + square / _SCALE**2)
-        trust = (weight * agreement)[..., None]
-        total = trust.sum(axis=0)
-        base = np.where(
-            total > 0, (trust * delit).sum(axis=0) / np.maximum(total, 1e-12), base
-        )
+        trust = weight * agreement
+        total = trust.sum(axis=0)[..., None]
+        mean = np.einsum("nvu,nvuc->vuc", trust, delit) / np.maximum(total, 1e-12)
+        base = np.where(total > 0, mean, base)
     return base.astype(np.float32), agreement.astype(np.float32)
 
 

@@ -136,7 +136,7 @@ class PhotoDetail:
             _blurred_over(np.log(np.maximum(c, _DARK)).mean(axis=2), w > 0, sigma)
             for c, w in zip(delit.colours, delit.weight, strict=True)
         ]
-        slopes = [delit.sky.slopes(c, COARSE) for c in delit.lights.coefficients]
+        slopes = list(delit.sky.slopes(delit.lights.coefficients, COARSE))
         return cls(delit, sources, own, slopes, tangents_of(surface, size), size)
 
     def rows(self, rows: slice) -> tuple[Picture, Picture, Picture]:
@@ -295,27 +295,39 @@ def slope_equations(
     noise : (...) array
         Variance of d; infinite where too few photos see a texel to tell.
     """
+
+    def total_of(a: Picture, b: Picture) -> Picture:
+        return np.einsum("n...,n...->...", a, b)
+
     robust = weight
     shape = weight.shape[1:]
     A, b = np.zeros((*shape, 2, 2), np.float32), np.zeros((*shape, 2), np.float32)
     noise = np.full(shape, np.inf, np.float32)
     for _ in range(rounds):
-        total = np.maximum(robust.sum(axis=0), 1e-12)
-        part = robust / total
-        rest = d - (part * d).sum(axis=0)
-        turned = h - (part[..., None] * h).sum(axis=0)
-        A = np.einsum("n...,n...a,n...b->...ab", robust, turned, turned, optimize=True)
-        b = np.einsum("n...,n...a,n...->...a", robust, turned, rest, optimize=True)
+        part = robust / np.maximum(robust.sum(axis=0), 1e-12)
+        rest = d - total_of(part, d)
+        turned = [h[..., k] - total_of(part, h[..., k]) for k in (0, 1)]
+        for k, column in enumerate(turned):
+            weighted = robust * column
+            b[..., k] = total_of(weighted, rest)
+            for j in range(k, 2):
+                A[..., k, j] = A[..., j, k] = total_of(weighted, turned[j])
         # A little of the trace: a direction that no light shows stays flat.
-        ridge = 1e-3 * np.trace(A, axis1=-2, axis2=-1) + 1e-20
-        slopes = np.linalg.solve(A + ridge[..., None, None] * np.eye(2), b[..., None])
-        rest = rest - np.einsum("n...a,...a->n...", turned, slopes[..., 0])
+        ridge = 1e-3 * (A[..., 0, 0] + A[..., 1, 1]) + 1e-20
+        uu, uv, vv = A[..., 0, 0] + ridge, A[..., 0, 1], A[..., 1, 1] + ridge
+        slopes = np.stack(
+            (vv * b[..., 0] - uv * b[..., 1], uu * b[..., 1] - uv * b[..., 0])
+        )
+        slopes /= uu * vv - uv * uv
+        rest -= turned[0] * slopes[0]
+        rest -= turned[1] * slopes[1]
+        square = rest * rest
         # Of as many photos as count, three numbers are fitted.
-        count = 1 / np.maximum((part**2).sum(axis=0), 1e-12)
-        spread = (part * rest**2).sum(axis=0)
+        count = 1 / np.maximum(total_of(part, part), 1e-12)
+        spread = total_of(part, square)
         enough = count > _FEWEST
         noise = np.where(enough, spread * count / np.maximum(count - 3, 1), np.inf)
-        robust = weight / (1 + (rest / _SCALE) ** 2)
+        robust = weight / (1 + square / _SCALE**2)
     return A, b, noise
 
 

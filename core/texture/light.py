@@ -10,6 +10,7 @@ this balances the photos as well.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,7 @@ DARKEST = 0.12
 #: Degree of the light's harmonics; the reconstruction's own 6 is for its shape.
 DEGREE = 4
 _SKY = 128  # texels a side on which the harmonics are integrated over the open sky
+_BATCH = 8  # photos whose slopes are computed at a time
 _SCALE = 0.15  # Cauchy scale of the relative residual
 _RIDGE = 3e-3
 
@@ -89,26 +91,33 @@ class Sky:
         front = np.maximum(_FRONT @ over.directions.T, 0) @ over.light
         return _enlarged(over.basis(self.normals), size), front.mean(axis=0)
 
-    def slopes(self, light: Array, size: int) -> Picture:
-        """Derivative of the logarithm of a photo's shading by the normal.
+    def slopes(self, lights: Array, size: int) -> Iterator[Picture]:
+        """Derivative of the logarithm of each photo's shading by the normal.
 
         Parameters
         ----------
-        light : (k, 3) array
-            Harmonics of the photo's light.
+        lights : (n, k, 3) array
+            Harmonics of each photo's light.
         size : int
 
-        Returns
-        -------
+        Yields
+        ------
         (size, size, 3) float32 array
             Mean over the channels; 0 where it is too dark for a shading.
         """
-        shading = self.transfer.basis(self.normals) @ light
-        turned = self.transfer.slopes(self.normals, light.T)
-        lit = shading > DARKEST * shading.mean(axis=0)
-        per_shading = np.where(lit, 1 / np.where(lit, shading, 1), 0)
-        mean = np.einsum("pc,cpx->px", per_shading, turned) / shading.shape[1]
-        return _enlarged(mean, size)
+        basis = self.transfer.basis(self.normals)
+        for start in range(0, len(lights), _BATCH):
+            some = lights[start : start + _BATCH]
+            rows = some.transpose(0, 2, 1).reshape(-1, some.shape[1])
+            turned = self.transfer.slopes(self.normals, rows)
+            for light, own in zip(some, np.split(turned, len(some)), strict=True):
+                shading = basis @ light
+                lit = shading > DARKEST * shading.mean(axis=0)
+                per_shading = np.where(lit, 1 / np.where(lit, shading, 1), 0)
+                mean = sum(
+                    s[:, None] * t for s, t in zip(per_shading.T, own, strict=True)
+                )
+                yield _enlarged(mean / shading.shape[1], size)
 
 
 def open_sky(surface: BSplineSurface) -> Sky:
