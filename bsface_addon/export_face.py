@@ -12,6 +12,7 @@ import numpy as np
 from ..core.drawing.pictures import encode_png
 from ..core.files import write_bytes
 from ..core.formats import ending, export, textured_quads
+from ..core.formats.mtl import read_texture
 from ..core.formats.options import ExportOptions
 from . import fbx_file
 from .face_file import StoredFace
@@ -72,13 +73,19 @@ def _ending(path: str) -> str:
 
 
 def _write_fbx(wanted: FileToWrite, options: ExportOptions) -> Path:
-    # No normal map: FBX takes the texture only.
-    mesh, texture, _ = textured_quads(
-        wanted.face.read(), replace(options, normals=None)
+    made = textured_quads(wanted.face.read(), options)
+    wanted_pictures = {
+        fbx_file.TEXTURE: made.texture,
+        fbx_file.NORMALS: made.normals,
+    }
+    pictures = {
+        name: read_texture(picture)[0]
+        for name, picture in wanted_pictures.items()
+        if picture is not None
+    }
+    return fbx_file.write_fbx(
+        wanted.path, made.mesh, options.name, wanted.blender, pictures
     )
-    if isinstance(texture, bytes):
-        texture = write_bytes(Path(options.texture).with_name("head.png"), texture)
-    return fbx_file.write_fbx(wanted.path, mesh, options.name, wanted.blender, texture)
 
 
 def write_detail(path: Path, png: bytes) -> Path:

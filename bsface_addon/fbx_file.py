@@ -10,7 +10,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,8 @@ from ..core.rig.mesh import QuadMesh
 
 ENDING = ".fbx"
 SCRIPT = Path(__file__).with_name("fbx_script.py")
-MESH, JOB, TEXTURE, RESULT = "mesh.npz", "job.json", "texture.png", "face.fbx"
+MESH, JOB, RESULT = "mesh.npz", "job.json", "face.fbx"
+TEXTURE, NORMALS = "texture.png", "normal.png"
 
 
 def program(binary: str) -> tuple[str, ...]:
@@ -38,16 +39,21 @@ def program(binary: str) -> tuple[str, ...]:
 
 
 def write_fbx(
-    path: Path, mesh: QuadMesh, name: str, program: Sequence[str], texture: Path | None
+    path: Path,
+    mesh: QuadMesh,
+    name: str,
+    program: Sequence[str],
+    pictures: Mapping[str, bytes],
 ) -> Path:
-    """Write a mesh with its keys and its texture.
+    """Write a mesh with its keys and its pictures.
 
     Parameters
     ----------
     program : sequence of str
         See `program`.
-    texture : Path or None
-        PNG file whose top row is v = 0.
+    pictures : mapping
+        `TEXTURE`, `NORMALS`, or none of them -> a PNG whose top row is v = 0; the
+        normal map has green up.
 
     Raises
     ------
@@ -60,8 +66,8 @@ def write_fbx(
         keys = {f"key {key}": moved for key, moved in mesh.keys.items()}
         arrays = {"points": mesh.points, "quads": mesh.quads, "uv": mesh.uv}
         np.savez(folder / MESH, part=mesh.part, **arrays, **groups, **keys)
-        if texture is not None:
-            (folder / TEXTURE).write_bytes(texture.read_bytes())
+        for file, picture in pictures.items():
+            (folder / file).write_bytes(picture)
         # The packages of the extension are not on the path of another Blender.
         job = {"name": name, "sys.path": sys.path}
         (folder / JOB).write_text(json.dumps(job), "utf-8")

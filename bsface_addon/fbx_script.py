@@ -18,7 +18,7 @@ from pathlib import Path
 
 
 def main(folder: Path) -> None:
-    """Write ``face.fbx`` into the folder that holds mesh, texture and job."""
+    """Write ``face.fbx`` into the folder that holds mesh, pictures and job."""
     job = json.loads((folder / "job.json").read_text("utf-8"))
     sys.path += [path for path in job["sys.path"] if path not in sys.path]
     root = Path(__file__).resolve().parents[1]
@@ -41,9 +41,11 @@ def main(folder: Path) -> None:
         keys={n[4:]: a for n, a in arrays.items() if n.startswith("key ")},
     )
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    picture = folder / fbx_file.TEXTURE
-    texture = picture if picture.is_file() else None
-    obj = mesh_copy.stand_alone(job["name"], made, texture)
+    texture, normals = (
+        path if path.is_file() else None
+        for path in (folder / fbx_file.TEXTURE, folder / fbx_file.NORMALS)
+    )
+    obj = mesh_copy.stand_alone(job["name"], made, texture, normals)
     bpy.context.scene.collection.objects.link(obj)
     bpy.context.view_layer.objects.active = obj
     obj.select_set(True)

@@ -167,7 +167,7 @@ def export(options):
     from ..core.errors import ReconstructionError
     from ..core.formats import export as write
     from ..core.formats.options import ExportOptions
-    from . import export_face, face_file, fbx_file, scene
+    from . import export_face, face_file, fbx_file, material, scene
 
     path, target = _existing(options.file), Path(options.out)
     trimmed = not options.untrimmed
@@ -190,7 +190,9 @@ def export(options):
         target,
         face_file.stored(found[name]),
         ExportOptions(trimmed=trimmed, tolerance=options.tolerance, name=name),
+        picture=material.packed_map(found[name], "SKIN"),
         blender=fbx_file.program(bpy.app.binary_path),
+        detail=material.packed_map(found[name], material.DETAIL),
     )
     return _wrote(export_face.write(wanted))
 

@@ -23,7 +23,7 @@ from ..core.surface.bspline import BSplineSurface, dense_basis
 from ..core.surface.template import Template
 from ..core.texture.bake import Texture
 from ..core.texture.detail import Detail, normal_picture
-from ..core.texture.head import head_picture
+from ..core.texture.head import FLAT, head_picture
 
 RESOLUTION = 512
 # Relative difference between photo and surface that gets the last colour.
@@ -121,10 +121,20 @@ def painted(pixels: NDArray[np.uint8], outline_uv: Array, legend: str = "") -> M
     return Map(encode_png(np.ascontiguousarray(rgba[::-1])), legend)
 
 
-def head(png: bytes, template: Template) -> bytes:
-    """The picture of a head, from the packed file of a map."""
-    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
-    made = head_picture(picture[::-1, :, ::-1], template)
+def head(png: bytes, template: Template, *, detail: bool = False) -> bytes:
+    """The picture of a head, from the packed file of a map.
+
+    Parameters
+    ----------
+    png : bytes
+        Its last row is v = 0, as that of the picture that is made.
+    template : Template
+    detail : bool
+        Whether it is the normal map, which is flat around the face.
+    """
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), flags)
+    made = head_picture(picture[::-1, :, ::-1], template, FLAT if detail else None)
     return encode_png(np.ascontiguousarray(made[::-1]))
 
 

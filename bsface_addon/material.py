@@ -97,6 +97,13 @@ def stored_map(face: bpy.types.Object, kind: str) -> bpy.types.Image | None:
     return None if node is None else node.image
 
 
+def packed_map(face: bpy.types.Object, kind: str) -> bytes:
+    """The file of a map as it is packed; empty for none."""
+    image = stored_map(face, kind)
+    packed = None if image is None else image.packed_file
+    return b"" if packed is None else packed.data
+
+
 def stored_kinds(face: bpy.types.Object) -> list[str]:
     """Kinds of map that this face has."""
     return [kind for kind in MAPS if stored_map(face, kind) is not None]
@@ -236,13 +243,14 @@ def _node(face: bpy.types.Object, kind: str) -> bpy.types.Node:
         # The surface ends at its own border; repeating would bleed the other side in.
         node.extension = "EXTEND"
         if kind == DETAIL:
-            _bend_normals(of_face(face).node_tree, node)
+            bend_normals(nodes["Skin"], node)
     return node
 
 
-def _bend_normals(tree: bpy.types.NodeTree, picture: bpy.types.Node) -> None:
-    """Let a tangent-space normal map turn the normals of the skin."""
+def bend_normals(shader: bpy.types.Node, picture: bpy.types.Node) -> None:
+    """Let a tangent-space normal map turn the normals that a shader sees."""
+    tree = shader.id_data
     bend = tree.nodes.get("Normal Map") or tree.nodes.new("ShaderNodeNormalMap")
     bend.name, bend.location = "Normal Map", (-120, picture.location.y)
     tree.links.new(picture.outputs["Color"], bend.inputs["Color"])
-    tree.links.new(bend.outputs["Normal"], tree.nodes["Skin"].inputs["Normal"])
+    tree.links.new(bend.outputs["Normal"], shader.inputs["Normal"])

@@ -73,13 +73,15 @@ def add(
     return obj
 
 
-def stand_alone(name: str, made: QuadMesh, texture: Path | None) -> bpy.types.Object:
+def stand_alone(
+    name: str, made: QuadMesh, texture: Path | None, normals: Path | None
+) -> bpy.types.Object:
     """Make a mesh object without a face, upright and in metres.
 
     Parameters
     ----------
-    texture : Path or None
-        Picture of the skin whose top row is v = 0.
+    texture, normals : Path or None
+        Picture of the skin and its normal map, green up; their top row is v = 0.
 
     Returns
     -------
@@ -93,9 +95,11 @@ def stand_alone(name: str, made: QuadMesh, texture: Path | None) -> bpy.types.Ob
     for part in _parts(made):
         if part == "skin":
             material = _plain(f"{name} skin")
+            # From their files: exporters find no others.
             if texture is not None:
-                # From its file: exporters find no others.
                 _paint(material, bpy.data.images.load(str(texture)))
+            if normals is not None:
+                _bend(material, bpy.data.images.load(str(normals)))
         else:
             material = _material(part)
         obj.data.materials.append(material)
@@ -142,7 +146,9 @@ def _fill(mesh: bpy.types.Mesh, points: np.ndarray, quads: np.ndarray) -> None:
     mesh.validate()
 
 
-def head_skin(face: bpy.types.Object, png: bytes) -> bpy.types.Material:
+def head_skin(
+    face: bpy.types.Object, png: bytes, detail: bytes = b""
+) -> bpy.types.Material:
     """The material of the face's head.
 
     Parameters
@@ -151,8 +157,12 @@ def head_skin(face: bpy.types.Object, png: bytes) -> bpy.types.Material:
     png : bytes
         The head's picture, its last row the top; empty for the colour of a face
         without a map.
+    detail : bytes
+        The head's normal map, as `maps.head` makes it; empty for none.
     """
     material = _plain(f"{face.name} head")
+    if detail:
+        _bend(material, packed_image(f"{material.name} Detail", detail))
     if png:
         _paint(material, packed_image(material.name, png))
     else:
@@ -197,3 +207,11 @@ def _paint(material: bpy.types.Material, image: bpy.types.Image) -> None:
     picture.image = image
     links.new(picture.outputs["Color"], _shader(material).inputs["Base Color"])
     nodes.active = picture
+
+
+def _bend(material: bpy.types.Material, image: bpy.types.Image) -> None:
+    """Give a material a normal map."""
+    image.colorspace_settings.name = "Non-Color"
+    picture = material.node_tree.nodes.new("ShaderNodeTexImage")
+    picture.image, picture.location = image, (-400, -300)
+    face_material.bend_normals(_shader(material), picture)

@@ -90,7 +90,7 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
     )
     texture: BoolProperty(
         name="Texture",
-        description="The skin with the OBJ mesh, in glTF and in FBX",
+        description="Skin and normal map, with the OBJ mesh, in glTF and in FBX",
         default=True,
     )
     head: BoolProperty(
@@ -134,16 +134,14 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
             openings=self.openings,
             thickness=self.thickness,
         )
-        pictures = {}
-        if self.texture:
-            kinds = {"picture": "SKIN", "detail": material.DETAIL}
-            for use, kind in kinds.items():
-                image = material.stored_map(face, kind)
-                if image is not None and image.packed_file is not None:
-                    pictures[use] = image.packed_file.data
-        program = fbx_file.program(bpy.app.binary_path)
-        stored = face_file.stored(face)
-        return FileToWrite(Path(path), stored, options, blender=program, **pictures)
+        return FileToWrite(
+            Path(path),
+            face_file.stored(face),
+            options,
+            picture=material.packed_map(face, "SKIN") if self.texture else b"",
+            blender=fbx_file.program(bpy.app.binary_path),
+            detail=material.packed_map(face, material.DETAIL) if self.texture else b"",
+        )
 
 
 class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):
@@ -160,11 +158,11 @@ class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):
 
     def prepare(self, context):
         face = scene.active_face(context)
-        image = material.stored_map(face, material.shown(face))
-        if image is None or image.packed_file is None:
+        picture = material.packed_map(face, material.shown(face))
+        if not picture:
             raise ReconstructionError(messages.NO_MAP_SHOWN)
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".png")
-        return FileToWrite(path, None, ExportOptions(), image.packed_file.data)
+        return FileToWrite(path, None, ExportOptions(), picture)
 
 
 CLASSES = (BSFACE_OT_export, BSFACE_OT_texture_save)

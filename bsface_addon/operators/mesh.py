@@ -107,8 +107,8 @@ class HeadRequest:
     face : StoredFace
     density : str
     keys : bool
-    picture : bytes
-        Packed file of the face's skin; empty for none.
+    picture, detail : bytes
+        Packed files of the face's skin and of its normal map; empty for none.
     unit : float or None
         The object's units per millimetre.
     """
@@ -117,6 +117,7 @@ class HeadRequest:
     density: str
     keys: bool
     picture: bytes
+    detail: bytes
     unit: float | None
 
 
@@ -132,27 +133,33 @@ class BSFACE_OT_full_head(ChangingOperator, LongOperator, bpy.types.Operator):
 
     def prepare(self, context):
         face = scene.active_face(context)
-        skin = material.stored_map(face, "SKIN")
-        packed = skin.packed_file if skin is not None else None
-        picture = packed.data if packed is not None else b""
-        stored = face_file.stored(face)
-        unit = face.get(surface_object.UNIT_KEY)
-        return HeadRequest(stored, self.density.lower(), self.keys, picture, unit)
+        return HeadRequest(
+            face_file.stored(face),
+            self.density.lower(),
+            self.keys,
+            picture=material.packed_map(face, "SKIN"),
+            detail=material.packed_map(face, material.DETAIL),
+            unit=face.get(surface_object.UNIT_KEY),
+        )
 
     @staticmethod
     def work(solver, request, progress):
         face = request.face.read()
         head = full_head(face, request.density, keys=request.keys)
-        picture = maps.head(request.picture, face.template) if request.picture else b""
-        return mesh_copy.local_mesh(head, request.unit), picture
+        picture, detail = request.picture, request.detail
+        if picture:
+            picture = maps.head(picture, face.template)
+        if detail:
+            detail = maps.head(detail, face.template, detail=True)
+        return mesh_copy.local_mesh(head, request.unit), picture, detail
 
     def deliver(self, context, request, outcome):
         face = scene.active_face(context)
         if face is None:
             raise ReconstructionError(messages.NO_FACE_OBJECT)
-        head, picture = outcome
+        head, picture, detail = outcome
         with scene.all_or_nothing(context):
-            skin = mesh_copy.head_skin(face, picture)
+            skin = mesh_copy.head_skin(face, picture, detail)
             made = mesh_copy.add(face, head, "head", skin)
         self.report({"INFO"}, messages.HEAD.format(count=len(made.data.polygons)))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-from ..formats import HEAD_ENDINGS, ending
+from ..formats import ending
 from ..settings import Settings
 
 
@@ -33,13 +33,21 @@ def parse_settings(pairs: Sequence[str]) -> Settings:
     return Settings.from_dict(values)
 
 
-def check_head(wanted: bool, outputs: Sequence[str]) -> None:
-    """Refuse ``--head`` where no format can hold a head.
+def check_held(option: str, endings: Sequence[str], outputs: Sequence[str]) -> None:
+    """Refuse an option whose content no output can hold.
+
+    Parameters
+    ----------
+    option : str
+        Such as ``--head``; it was given.
+    endings : sequence of str
+        Of the formats that hold it.
+    outputs : sequence of str
 
     Raises
     ------
     ValueError
         With a sentence that names the formats.
     """
-    if wanted and not any(ending(name) in HEAD_ENDINGS for name in outputs):
-        raise ValueError(f"--head needs a file {' or '.join(HEAD_ENDINGS)}.")
+    if not any(ending(name) in endings for name in outputs):
+        raise ValueError(f"{option} needs a file {' or '.join(endings)}.")

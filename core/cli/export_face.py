@@ -6,10 +6,18 @@ import argparse
 from collections.abc import Sequence
 
 from ..errors import ReconstructionError
-from ..formats import ExportOptions, ending, export, load_face
+from ..formats import (
+    DISPLACEMENT_ENDINGS,
+    HEAD_ENDINGS,
+    TEXTURE_ENDINGS,
+    ExportOptions,
+    ending,
+    export,
+    load_face,
+)
 from ..formats.options import FIXED_DATE
 from ..report.outputs import check_outputs
-from .arguments import check_head
+from .arguments import check_held
 from .terminal import say
 
 
@@ -69,7 +77,14 @@ def main(argv: Sequence[str]) -> int:
         check_outputs(args.output)
         if any(ending(name) == ".npz" for name in args.output):
             raise ValueError("The face is a .npz file already; copy it.")
-        check_head(args.head, args.output)
+        for option, given, endings in (
+            ("--head", args.head, HEAD_ENDINGS),
+            ("--texture", args.texture, TEXTURE_ENDINGS),
+            ("--normals", args.normals, TEXTURE_ENDINGS),
+            ("--displacement", args.displacement, DISPLACEMENT_ENDINGS),
+        ):
+            if given:
+                check_held(option, endings, args.output)
         options = ExportOptions(
             trimmed=not args.whole,
             tolerance=args.tolerance,

@@ -11,7 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import Cancelled, ReconstructionError, out_of_memory
-from ..formats import ExportOptions, ending, export, load_face
+from ..formats import (
+    HEAD_ENDINGS,
+    TEXTURE_ENDINGS,
+    ExportOptions,
+    ending,
+    export,
+    load_face,
+)
 from ..json_text import to_json
 from ..progress import Step
 from ..report.facts import failure_facts, result_facts, versions
@@ -23,12 +30,9 @@ from ..surface.template import load_template
 from ..texture.bake import bake_texture, write_texture
 from ..texture.detail import write_displacement, write_normals
 from ..threads import one_blas_thread, take_working_space
-from .arguments import check_head, parse_settings
+from .arguments import check_held, parse_settings
 from .bar import Bar
 from .terminal import say, tell, write_out
-
-#: Formats that hold a picture.
-TEXTURED = (".glb", ".obj")
 
 COMMANDS = """commands besides the reconstruction (`bsface COMMAND --help` tells more):
   batch    one face from each sub-folder of photos
@@ -127,7 +131,8 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
             photos=args.photos,
             recursive=args.recursive,
         )
-        check_head(args.head, args.output)
+        if args.head:
+            check_held("--head", HEAD_ENDINGS, args.output)
     except (ReconstructionError, ValueError) as error:
         say(str(error))
         return 2
@@ -189,7 +194,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
 @contextlib.contextmanager
 def _textured(face: Reconstruction, outputs: Sequence[str]) -> Iterator[ExportOptions]:
     """Options of the export; with a texture where a format takes one."""
-    wanted = any(ending(name) in TEXTURED for name in outputs)
+    wanted = any(ending(name) in TEXTURE_ENDINGS for name in outputs)
     if not wanted or not face.has_pixels:
         yield ExportOptions()
         return

@@ -13,12 +13,13 @@ from ..errors import ReconstructionError, one_line
 from ..result import Reconstruction
 from ..rig.head import full_head
 from ..rig.mesh import QuadMesh, quad_mesh
-from ..texture.head import FLAT, head_texture
+from ..texture.head import FLAT, STILL, head_texture
 from .exchange import ExchangeCurve
 from .face_file import load_face, save_face
 from .glb import write_glb
 from .iges import write_iges
 from .mesh import write_mesh_obj, write_mesh_ply
+from .mtl import Source
 from .obj import write_freeform_obj
 from .options import ExportOptions, Stamp
 from .printing import write_3mf, write_stl
@@ -67,18 +68,19 @@ class TexturedQuads(NamedTuple):
     Attributes
     ----------
     mesh : QuadMesh
-    texture, normals : path or bytes, or None
+    texture, normals, displacement : path or bytes, or None
         PNG or JPEG pictures over the mesh's ``uv``.
     """
 
     mesh: QuadMesh
-    texture: str | os.PathLike | bytes | None
-    normals: str | os.PathLike | bytes | None
+    texture: Source | None
+    normals: Source | None
+    displacement: Source | None
 
 
 def textured_quads(face: Reconstruction, options: ExportOptions) -> TexturedQuads:
     """The face or the whole head as quads, with the pictures that the options name."""
-    texture, normals = options.texture, options.normals
+    pictures = options.texture, options.normals, options.displacement
     if not options.head:
         mesh = quad_mesh(
             face,
@@ -87,20 +89,27 @@ def textured_quads(face: Reconstruction, options: ExportOptions) -> TexturedQuad
             mouth=options.openings,
             keys=options.keys,
         )
-        return TexturedQuads(mesh, texture, normals)
+        return TexturedQuads(mesh, *pictures)
     mesh = full_head(face, options.density, keys=options.keys)
-    if texture is not None:
-        texture = head_texture(texture, face.template)
-    if normals is not None:
-        normals = head_texture(normals, face.template, FLAT)
-    return TexturedQuads(mesh, texture, normals)
+    laid = (
+        None if picture is None else head_texture(picture, face.template, plain)
+        for picture, plain in zip(pictures, (None, FLAT, STILL), strict=True)
+    )
+    return TexturedQuads(mesh, *laid)
 
 
 def _obj(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
     if options.head:
-        held = replace(options, keys=False, normals=None)  # what OBJ can hold
-        mesh, texture, _ = textured_quads(face, held)
-        return write_quads_obj(path, mesh, _name(path, options), texture)
+        # OBJ has no keys.
+        made = textured_quads(face, replace(options, keys=False))
+        return write_quads_obj(
+            path,
+            made.mesh,
+            _name(path, options),
+            texture=made.texture,
+            normals=made.normals,
+            displacement=made.displacement,
+        )
     return write_mesh_obj(
         path,
         face.surface,
@@ -119,8 +128,9 @@ def _ply(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
 
 
 def _glb(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
-    mesh, texture, normals = textured_quads(face, options)
-    return write_glb(path, mesh, _name(path, options), texture, normals)
+    # glTF has no displacement.
+    made = textured_quads(face, replace(options, displacement=None))
+    return write_glb(path, made.mesh, _name(path, options), made.texture, made.normals)
 
 
 def _solid(path: Path, face: Reconstruction, options: ExportOptions) -> Path:
@@ -151,6 +161,8 @@ WRITERS: dict[str, tuple[str, Writer]] = {
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".3mf")
 #: Endings whose writers can take the whole head.
 HEAD_ENDINGS = (".glb", ".obj")
+#: Endings whose writers take a texture and a normal map, and a displacement.
+TEXTURE_ENDINGS, DISPLACEMENT_ENDINGS = (".glb", ".obj"), (".obj",)
 
 
 def ending(path: str | os.PathLike) -> str:
@@ -217,8 +229,10 @@ def export(
 
 
 __all__ = [
+    "DISPLACEMENT_ENDINGS",
     "HEAD_ENDINGS",
     "MESH_ENDINGS",
+    "TEXTURE_ENDINGS",
     "WRITERS",
     "ExchangeCurve",
     "ExportOptions",

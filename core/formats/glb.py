@@ -24,7 +24,7 @@ from ..drawing.pictures import encode_png
 from ..files import write_bytes
 from ..rig.eyes import iris_picture
 from ..rig.mesh import PARTS, QuadMesh
-from .mesh import read_texture
+from .mtl import read_texture
 
 METRES = 1e-3
 _FLOAT, _UINT, _USHORT = 5126, 5125, 5123

@@ -17,15 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array
-from ..errors import ReconstructionError
 from ..files import write_bytes, write_text
-from ..images.decode import decode
-from ..images.png import plain_png
-from ..npz_arrays import open_file
 from ..surface.bspline import BSplineSurface
-
-#: First bytes of the pictures that a material may refer to, and their endings.
-SIGNATURES = {b"\x89PNG\r\n\x1a\n": ".png", b"\xff\xd8\xff": ".jpg"}
+from .mtl import material, plain_stem, write_pictures
 
 
 @dataclass(frozen=True)
@@ -317,75 +311,23 @@ def write_mesh_obj(
     path = Path(path)
     mesh = tessellate(surface, outline_uv, tolerance)
     lines = [f"# B-spline face within {tolerance:g} mm, millimetres"]
-    pictures = {
-        "map_Kd": ("", texture),
-        "norm": ("_normal", normals),
-        "disp": ("_displacement", displacement),
-    }
-    given = {k: (end, p) for k, (end, p) in pictures.items() if p is not None}
-    if given:
-        # Spaces in a file name end the statement in many readers.
-        plain = "_".join(path.stem.split())
-        colour = "Kd 1 1 1" if texture is not None else "Kd 0.60 0.40 0.31"
-        statements = ["newmtl skin", colour, "Ks 0 0 0", "illum 1"]
-        for statement, (end, source) in given.items():
-            content, ending = read_texture(source)
-            picture = write_bytes(path.with_name(plain + end + ending), content)
-            statements.append(f"{statement} {picture.name}")
-            if statement == "norm":
-                # What Blender writes and reads in its place.
-                statements.append(f"map_Bump -bm 1 {picture.name}")
-        material = path.with_name(f"{plain}.mtl")
-        write_text(material, "\n".join([*statements, ""]))
-        lines.append(f"mtllib {material.name}")
+    pictures = write_pictures(
+        path, texture=texture, normals=normals, displacement=displacement
+    )
+    if pictures:
+        colour = "1 1 1" if texture is not None else "0.60 0.40 0.31"
+        library = path.with_name(f"{plain_stem(path)}.mtl")
+        write_text(library, material("skin", colour, pictures))
+        lines.append(f"mtllib {library.name}")
     lines.append(f"o {'_'.join(name.split())}")
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
     lines += [f"vt {u!r} {1.0 - v!r}" for u, v in mesh.uv.tolist()]
     lines += [f"vn {x:.6f} {y:.6f} {z:.6f}" for x, y, z in mesh.normals.tolist()]
-    if given:
+    if pictures:
         lines.append("usemtl skin")
     for a, b, c in (mesh.triangles + 1).tolist():
         lines.append(f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}")
     return write_text(path, "\n".join([*lines, ""]))
-
-
-def read_texture(path: str | os.PathLike | bytes) -> tuple[bytes, str]:
-    """Content of a PNG or JPEG picture and its ending, ".png" or ".jpg".
-
-    Parameters
-    ----------
-    path : path-like or bytes
-        A file, or its content.
-
-    Raises
-    ------
-    ReconstructionError
-        When it cannot be read or is something else.
-    """
-    try:
-        if isinstance(path, bytes):
-            content = path
-        else:
-            with open_file(path) as file:
-                content = file.read()
-    except OSError as error:
-        raise ReconstructionError(
-            f"{path}: the texture cannot be read ({error.strerror}); "
-            "give a PNG or JPEG picture."
-        ) from None
-    for signature, ending in SIGNATURES.items():
-        if content.startswith(signature):
-            # A damaged one would only fail where the mesh is opened.
-            data = np.frombuffer(content, np.uint8)
-            whole = plain_png(data) if ending == ".png" else data
-            if whole is None or decode(whole, reduction=1) is None:
-                raise ReconstructionError(
-                    f"{path}: the texture is damaged or cut short; export it again."
-                )
-            return content, ending
-    raise ReconstructionError(
-        f"{path}: the texture is no PNG or JPEG picture; convert it."
-    )
 
 
 def write_mesh_ply(

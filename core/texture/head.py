@@ -3,6 +3,10 @@
 The face's (u, v) square lies in it unscaled (`SQUARE` of :mod:`bsface.rig.base_head`),
 so no texel of the face is resampled. Towards the outline of the face the texture fades
 into the person's plain skin colour, which the rest of the head has.
+
+A tangent-space normal map is laid into it in the same way: the square is only moved
+and made smaller, by the same factor along u and v, so the directions of the picture on
+the head are those of (u, v) on the face, and the map's vectors stay what they are.
 """
 
 from __future__ import annotations
@@ -24,9 +28,9 @@ Picture = npt.NDArray  # uint8 or uint16
 FADE = (0.72, 0.99)
 #: Shares between which the skin colour is measured: not lips and nose, not the hair.
 MEASURED = (0.45, 0.80)
-#: The colour of an 8-bit normal map where it turns nothing. The head's picture has the
-#: directions of the face's (u, v), so the map stays right in it.
-FLAT = (128, 128, 255)
+#: Around the face a normal map turns nothing and a displacement moves nothing; shares
+#: of the full scale.
+FLAT, STILL = (0.5, 0.5, 1.0), (0.5, 0.5, 0.5)
 #: The side of a texture is a multiple of this, so that the square has whole texels.
 _EVEN = 8
 #: Share of the picture over which the colour of the rim goes on, and the texels a side
@@ -46,7 +50,8 @@ def head_picture(
     template : Template
         Says where skin is.
     plain : (3,), optional
-        Colour of the rest of the head; by default the median of the skin.
+        Colour of the rest of the head from 0 to 1, such as `FLAT`; by default that of
+        the skin.
 
     Returns
     -------
@@ -63,12 +68,14 @@ def head_picture(
     whole = round(side / SQUARE[2])
     left, top = (round(x * whole) for x in SQUARE[:2])
     here = np.s_[top : top + side, left : left + side]
+    most = np.iinfo(picture.dtype).max
     if plain is None:
         around = _skin_around(colours, skin & (region < MEASURED[1]), whole, here)
     else:
-        around = np.broadcast_to(np.asarray(plain, float), (whole, whole, 3)).copy()
+        # Half a step is rounded up, as in the maps themselves.
+        even = np.floor(np.asarray(plain, float) * most + 0.5)
+        around = np.broadcast_to(even, (whole, whole, 3)).copy()
     around[here] += share * (colours - around[here])
-    most = np.iinfo(picture.dtype).max
     return np.round(np.clip(around, 0, most)).astype(picture.dtype)
 
 
@@ -110,14 +117,20 @@ def head_texture(
         PNG or JPEG, 8 or 16 bits, row 0 at v = 0.
     template : Template
     plain : (3,), optional
-        Colour of the rest of the head in 8 bits; `FLAT` for a normal map.
+        Colour of the rest of the head from 0 to 1: `FLAT` for a normal map, `STILL` for
+        a displacement.
+
+    Returns
+    -------
+    bytes
+        Grey if the file is.
 
     Raises
     ------
     ReconstructionError
         When it cannot be read.
     """
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     try:
         with open(path, "rb") as file:
             found = cv2.imdecode(np.frombuffer(file.read(), np.uint8), flags)
@@ -127,6 +140,7 @@ def head_texture(
         raise ReconstructionError(
             f"{path}: the texture cannot be read; give a PNG or JPEG picture."
         )
-    if plain is not None:
-        plain = np.asarray(plain, float) * (np.iinfo(found.dtype).max / 255)
+    if found.ndim == 2:
+        grey = np.repeat(found[..., None], 3, axis=2)
+        return encode_png(head_picture(grey, template, plain)[..., 0])
     return encode_png(head_picture(found[..., ::-1], template, plain))

@@ -145,6 +145,7 @@ def test_the_head_holds_the_face_and_its_picture(face, textured):
         stripes[32:] = (50, 200, 100)
         painted = maps.painted(stripes, load_template().outline_uv)
         material.store_map(face, "SKIN", painted)
+        material.store_map(face, material.DETAIL, painted)
     bpy.ops.bsface.full_head(density="LOW", keys=True)
     obj = bpy.data.objects["Ann head"]
     mesh = obj.data
@@ -157,11 +158,16 @@ def test_the_head_holds_the_face_and_its_picture(face, textured):
     assert mesh.materials[0] not in list(face.data.materials)
     nodes = mesh.materials[0].node_tree.nodes
     pictures = [node.image for node in nodes if node.type == "TEX_IMAGE"]
-    assert len(pictures) == int(textured)
+    assert len(pictures) == 2 * textured
+    assert ("Normal Map" in nodes) == textured
     if not textured:
         return
-    side = pictures[0].size[0]
-    pixels = np.array(pictures[0].pixels[:]).reshape(side, side, -1)
+    bent = nodes["Normal Map"].inputs["Color"].links[0].from_node.image
+    assert bent.colorspace_settings.name == "Non-Color"
+    np.testing.assert_allclose(bent.pixels[:3], (0.5, 0.5, 1.0), atol=0.003)
+    skin = nodes.active.image
+    side = skin.size[0]
+    pixels = np.array(skin.pixels[:]).reshape(side, side, -1)
     uv = np.empty(len(mesh.loops) * 2, np.float32)
     mesh.uv_layers["UVMap"].data.foreach_get("uv", uv)
     corner = np.empty(len(mesh.loops), np.int32)
@@ -308,6 +314,12 @@ def test_an_fbx_file_holds_the_mesh_upright_in_metres(face, tmp_path, openings):
             face_file.surface(face), face_file.outline(face)
         ),
     )
+    relief = load("core.texture.detail")
+    bent = np.full((32, 32, 3), (0.6, 0.0, 0.8), np.float32)
+    detail = relief.Detail(np.zeros((32, 32), np.float32), bent)
+    material.store_map(
+        face, material.DETAIL, load("bsface_addon.maps").detail_map(detail)
+    )
     bpy.ops.bsface.export(
         filepath=str(path), kind=".fbx", density="LOW", openings=openings, keys=openings
     )
@@ -336,8 +348,17 @@ def test_an_fbx_file_holds_the_mesh_upright_in_metres(face, tmp_path, openings):
         moved = made.keys["jawOpen"][:, [0, 2, 1]] * (1, -1, 1) / 1000
         np.testing.assert_allclose(jaw - xyz, moved, atol=2e-6)
     pictures = [i for i in bpy.data.images if i.size[0] > 1]
-    assert len(pictures) == (2 if openings else 1)
+    assert len(pictures) == (3 if openings else 2)
     assert len(obj.data.materials) == (3 if openings else 1)
+    (bump,) = [
+        node
+        for node in obj.data.materials[0].node_tree.nodes
+        if node.type == "NORMAL_MAP"
+    ]
+    found = bump.inputs["Color"].links[0].from_node.image
+    assert found.colorspace_settings.name == "Non-Color"
+    np.testing.assert_allclose(found.pixels[:3], (204 / 255, 128 / 255, 230 / 255))
+    assert bump.outputs["Normal"].links[0].to_node.type == "BSDF_PRINCIPLED"
 
 
 def test_an_fbx_file_that_blender_cannot_write_is_told(face, tmp_path):

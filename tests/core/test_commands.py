@@ -74,6 +74,8 @@ def test_export_of_the_head(capsys, face, tmp_path):
         (["-o", "a.xyz"], "a.xyz: unknown ending"),
         (["-o", "a.npz"], "The face is a .npz file already; copy it."),
         (["-o", "a.step", "--head"], "--head needs a file .glb or .obj."),
+        (["-o", "a.stl", "--normals", "n.png"], "--normals needs a file .glb or .obj."),
+        (["-o", "a.glb", "--displacement", "d.png"], "needs a file .obj."),
         (["-o", "a.ply", "--tolerance", "0"], "must be a positive length"),
         (["-o", "a.ply", "--tolerance", "nan"], "must be a positive length"),
         (["-o", "a.ply", "--tolerance", "inf"], "at most 1000, not inf."),

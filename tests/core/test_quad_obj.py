@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from bsface import formats
@@ -39,7 +40,7 @@ def read(path):
 def test_everything_is_in_it(face, tmp_path):
     mesh = full_head(face, "low", keys=False)
     texture = write_png(tmp_path / "x.png", np.full((9, 9, 3), 99, np.uint8))
-    path = write_quads_obj(tmp_path / "my head.obj", mesh, "Ann B", texture)
+    path = write_quads_obj(tmp_path / "my head.obj", mesh, "Ann B", texture=texture)
     v, vt, quads = read(path)
     np.testing.assert_array_equal(v, mesh.points)
     np.testing.assert_allclose(vt, mesh.uv * (1, -1) + (0, 1), atol=1e-12)
@@ -71,3 +72,32 @@ def test_head_as_an_option_of_the_export(face, tmp_path):
     )
     assert "map_Kd plain_eyes.png" in plain.with_suffix(".mtl").read_text()
     assert not (tmp_path / "plain.png").exists()
+
+
+def test_normal_map_and_displacement_of_the_head(face, tmp_path):
+    rng = np.random.default_rng(3)
+    noise = rng.integers(0, 255, (64, 64, 3)).astype(np.uint8)
+    high = rng.integers(0, 65535, (64, 64)).astype(np.uint16)
+    normals = write_png(tmp_path / "n.png", noise)
+    displacement = write_png(tmp_path / "d.png", high)
+    options = formats.ExportOptions(
+        head=True,
+        density="low",
+        keys=False,
+        normals=normals,
+        displacement=displacement,
+    )
+    made = formats.export(tmp_path / "my head.obj", face, options=options)
+    skin, _ = made.with_name("my_head.mtl").read_text().split("newmtl eyes")
+    assert "norm my_head_normal.png" in skin and "map_Kd" not in skin
+    assert "map_Bump -bm 1 my_head_normal.png" in skin
+    assert "disp my_head_displacement.png" in skin
+    flags = cv2.IMREAD_UNCHANGED
+    turned = cv2.imread(str(tmp_path / "my_head_normal.png"), flags)[..., ::-1]
+    assert (turned[0] == (128, 128, 255)).all()
+    assert (turned[48:64, 40:56] == noise[24:40, 24:40]).all()
+    moved = cv2.imread(str(tmp_path / "my_head_displacement.png"), flags)
+    assert moved.dtype == np.uint16 and (moved[0] == 32768).all()
+    assert (moved[48:64, 40:56] == high[24:40, 24:40]).all()
+    binary = formats.export(tmp_path / "head.glb", face, options=options).read_bytes()
+    assert (tmp_path / "my_head_normal.png").read_bytes() in binary
