@@ -42,8 +42,8 @@ def main(folder: Path) -> None:
     )
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     texture, normals = (
-        path if path.is_file() else None
-        for path in (folder / fbx_file.TEXTURE, folder / fbx_file.NORMALS)
+        named(folder / file, bpy.path.clean_name(job["name"]) + end)
+        for file, end in ((fbx_file.TEXTURE, ".png"), (fbx_file.NORMALS, "_normal.png"))
     )
     obj = mesh_copy.stand_alone(job["name"], made, texture, normals)
     bpy.context.scene.collection.objects.link(obj)
@@ -62,6 +62,11 @@ def main(folder: Path) -> None:
         path_mode="COPY",
         embed_textures=True,
     )
+
+
+def named(picture: Path, name: str) -> Path | None:
+    """Rename a picture: programs that unpack the file keep the name; None for none."""
+    return picture.rename(picture.with_name(name)) if picture.is_file() else None
 
 
 if __name__ == "__main__":

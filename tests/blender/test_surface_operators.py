@@ -356,6 +356,7 @@ def test_an_fbx_file_holds_the_mesh_upright_in_metres(face, tmp_path, openings):
         if node.type == "NORMAL_MAP"
     ]
     found = bump.inputs["Color"].links[0].from_node.image
+    assert found.name == "Ann_normal.png"
     assert found.colorspace_settings.name == "Non-Color"
     np.testing.assert_allclose(found.pixels[:3], (204 / 255, 128 / 255, 230 / 255))
     assert bump.outputs["Normal"].links[0].to_node.type == "BSDF_PRINCIPLED"
