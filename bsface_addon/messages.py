@@ -67,7 +67,6 @@ BAD_EDIT = "The landmarks hold {why}; undo until all points are back"
 FOUND = "Faces found in {found} of {photos}"
 FACES = "This photo shows {count} faces; Edit Landmarks shows which one is taken"
 MOVED = "{count} landmarks were moved"
-NOT_WRITTEN = "The file could not be written: {why}"
 NO_CAMERA_OF = "No camera belongs to {name!r}; photos that were left out have none"
 NO_PHOTO_VIEW = "Not looking through a photo"
 LIGHT_UNSEEN = (

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ._types import Array
 from .drawing.pictures import colour_map
 from .drawing.render import render_views
+from .kinds import SWITCH, expect, expect_whole
 from .surface.alignment import Similarity, eye_distance, fit_similarity
 from .surface.bspline import BSplineSurface
 from .surface.template import Template, load_template
@@ -99,6 +100,9 @@ def compare(
                 "Two surfaces are compared, such as face.surface; one of them is "
                 f"{type(surface).__name__}."
             )
+    expect(Template | None, "a Template", template=template)
+    expect(SWITCH, "true or false", keep_size=keep_size)
+    expect_whole(8, 4096, size=size)
     template = template or load_template()
     a, b = surface_maps(first, size), surface_maps(second, size)
     average = surface_maps(template.surface, size)

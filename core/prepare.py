@@ -20,6 +20,7 @@ from ._types import Array32
 from .errors import FailureCode, PhotoFailure, ReconstructionError, one_line
 from .identity.identify import identify
 from .images.folder import is_video, nothing_found, scan_folder
+from .images.mask_file import given_masks
 from .landmarks.candidates import CandidateReader
 from .landmarks.face_models import ModelFiles
 from .landmarks.face_selection import Candidate
@@ -73,6 +74,7 @@ class Inputs:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ignore", _ignored(self.ignore))
+        object.__setattr__(self, "masks", given_masks(self.masks))
         if not isinstance(self.landmarks, Mapping):
             raise TypeError(
                 "landmarks must map photo names to Landmarks, not "
@@ -218,8 +220,12 @@ def collect_photos(
     sources, hints = _sources(photos, inputs.recursive)
     known = [name for name, _ in sources]
     _check_names(inputs.ignore, known, "leave out")
-    if not any(_is_of(name, known) for name in inputs.landmarks):
-        _check_names(list(inputs.landmarks), known, "have the given landmarks")
+    for given, purpose in (
+        (inputs.landmarks, "have the given landmarks"),
+        (inputs.masks, "have the given mask"),
+    ):
+        if not any(_is_of(name, known) for name in given):
+            _check_names(list(given), known, purpose)
     reader = CandidateReader(
         template, settings, inputs.landmarks, inputs.models, inputs.masks
     )

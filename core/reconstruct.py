@@ -14,6 +14,7 @@ from typing import Any
 from ._types import Array32
 from .errors import memory_reported
 from .finish import finish
+from .kinds import CALLBACK, expect
 from .landmarks.landmarks import Landmarks
 from .prepare import Inputs, Photos, TemplateLike, prepare
 from .problem import Constraint, FaceEstimate, Iteration, Method, Problem
@@ -100,14 +101,15 @@ def reconstruct(
     TypeError, ValueError
         An argument is of the wrong kind, or a setting is not possible.
     """
+    expect(CALLBACK, "a function", progress=progress)
     chosen = Settings.of(settings, changes)
     inputs = Inputs(
         template=template,
-        landmarks=landmarks or {},
+        landmarks={} if landmarks is None else landmarks,
         ignore=ignore,
         constraint=constraint,
         recursive=recursive,
-        masks=masks or {},
+        masks={} if masks is None else masks,
     )
     clock = Clock(progress)
     with one_blas_thread(), memory_reported():

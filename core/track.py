@@ -13,6 +13,7 @@ from ._types import Array, Indices
 from .camera.camera import Camera
 from .errors import PhotoFailure, ReconstructionError
 from .images.photo import Photo
+from .kinds import CALLBACK, expect
 from .landmarks.landmarks import Landmarks
 from .landmarks.observations import observe_landmarks
 from .prepare import Inputs, Photos, collect_photos
@@ -127,8 +128,9 @@ def track(
             "face must be a Reconstruction, from reconstruct() or load(), not "
             f"{type(face).__name__}."
         )
+    expect(CALLBACK, "a function", progress=progress)
     settings = Settings.of(face.settings if settings is None else settings)
-    inputs = Inputs(face.template, landmarks or {}, ignore)
+    inputs = Inputs(face.template, {} if landmarks is None else landmarks, ignore)
     collection = collect_photos(_sources(photos), settings, inputs, progress)
     options = MotionOptions.from_settings(settings)
     known = known_face(face.surface, face.template, options, _source_photos(face))

@@ -179,6 +179,8 @@ class Jobs:
                 code = command_line(words)
             except SystemExit as end:
                 code = end.code
+        if code == 130:  # the command line takes Ctrl-C and SIGTERM for its own
+            raise KeyboardInterrupt
         if code not in codes:
             raise RuntimeError(f"exit code {code} of {words}: {err.getvalue()}")
         return f"exit code {code}"
@@ -191,7 +193,7 @@ class Jobs:
         for ending in endings:
             words += ["-o", str(self.out / f"face{ending}")]
         if self.rng.random() < 0.2:
-            words += ["--report", str(self.out / "face.html")]
+            words += ["--report", str(self.out / "page.html")]
         if self.rng.random() < 0.2:
             words += ["--log", str(self.out / "face.log")]
         # Four photos are few for the text's own algorithm, which may then refuse.

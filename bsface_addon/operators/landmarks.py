@@ -247,8 +247,8 @@ class BSFACE_OT_landmarks_export(LandmarkFile, bpy.types.Operator):
             return {"CANCELLED"}
         try:
             landmark_editor.write(Path(bpy.path.abspath(self.filepath)), found)
-        except (OSError, ValueError) as error:
-            self.report({"ERROR"}, messages.NOT_WRITTEN.format(why=error))
+        except (ReconstructionError, ValueError) as error:
+            self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         return {"FINISHED"}
 

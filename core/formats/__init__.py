@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from .._types import Array
 from ..errors import ReconstructionError, one_line
+from ..kinds import expect, expect_paths
 from ..result import Reconstruction
 from ..rig.head import full_head
 from ..rig.mesh import QuadMesh, quad_mesh
@@ -207,6 +208,9 @@ def export(
         Unknown ending, unusable option, missing optional package, or the file cannot be
         written.
     """
+    expect_paths(path=path)
+    expect(Reconstruction, "a Reconstruction", face=face)
+    expect(ExportOptions | None, "ExportOptions", options=options)
     found = ending(path)
     if not found:
         raise ReconstructionError(

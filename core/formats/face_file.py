@@ -59,6 +59,7 @@ from ..errors import ReconstructionError
 from ..files import replacing
 from ..images.photo import Photo
 from ..json_text import from_json, to_json
+from ..kinds import expect, expect_paths
 from ..landmarks.landmarks import Landmarks
 from ..npz_arrays import floats, open_file, read_arrays
 from ..photometry.lighting import PhotometricEvidence
@@ -210,8 +211,8 @@ def load_face(
     ReconstructionError
         When the file is absent, damaged, not a face file, or of a newer version.
     """
-    if not isinstance(path, str | os.PathLike):
-        raise TypeError(f"path must be the path of a face file, not {path!r:.60}.")
+    expect_paths(path=path)
+    expect(Template | None, "a Template", template=template)
     try:
         with open_file(path) as file:
             return read_face(file, os.fspath(path), template)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from ..errors import ReconstructionError
+from ..kinds import SWITCH, expect
+from ..settings import NUMBER
 from .exchange import NamedCurves
 
 #: The date of files that name none, so that equal faces give equal bytes.
@@ -74,7 +76,12 @@ class ExportOptions:
         ------
         ReconstructionError
             One sentence with the file, the value and the remedy.
+        TypeError
+            A value is of another kind.
         """
+        expect(str | None, "a text", name=self.name)
+        expect(SWITCH, "true or false", trimmed=self.trimmed)
+        expect(NUMBER, "a number", tolerance=self.tolerance, thickness=self.thickness)
         for what, value in (
             ("tolerance", self.tolerance),
             ("thickness", self.thickness),

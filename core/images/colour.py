@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array32
+from ..kinds import expect_whole
 
 
 def encode_srgb(linear: npt.ArrayLike) -> Array32:
@@ -40,8 +41,13 @@ def srgb_table(dtype: str) -> Array32:
 
 def to_picture(linear: npt.ArrayLike, depth: int = 8) -> npt.NDArray:
     """Linear intensities as an sRGB picture of 8 or 16 bits a channel."""
+    kind = stored_type(depth)
+    return np.round(encode_srgb(linear) * np.iinfo(kind).max).astype(kind)
+
+
+def stored_type(depth: int) -> type[np.uint8] | type[np.uint16]:
+    """The type of pictures with 8 or 16 bits a channel."""
+    expect_whole(8, 16, depth=depth)
     if depth not in (8, 16):
-        raise ValueError(f"depth must be 8 or 16 bits, got {depth}")
-    full = 2**depth - 1
-    kind = np.uint8 if depth == 8 else np.uint16
-    return np.round(encode_srgb(linear) * full).astype(kind)
+        raise ValueError(f"depth must be 8 or 16 bits, not {depth}.")
+    return np.uint8 if depth == 8 else np.uint16

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import ReconstructionError
+from ..kinds import SWITCH, expect, expect_paths
 from .decode import RAW_ENDINGS, why_not
 from .mask_file import is_mask, masked
 from .png import is_marked
@@ -113,6 +114,8 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
     ReconstructionError
         If there is no such folder, it is a file, or it may not be read.
     """
+    expect_paths(folder=folder)
+    expect(SWITCH, "true or false", recursive=recursive)
     folder = Path(folder)
     _check_folder(folder)
     files: dict[str, list[Path]] = {"photo": [], "video": [], "mask": []}

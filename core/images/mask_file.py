@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -94,6 +95,29 @@ def read_mask(path: Path, photo: Photo) -> Array32 | PhotoFailure:
         )
         grey = np.asarray(small, np.float32)
     return _silenced(grey)
+
+
+def given_masks(masks: object) -> dict[str, Array32]:
+    """The masks that a caller gave, checked, by the names of their photos.
+
+    Raises
+    ------
+    TypeError, ValueError
+        They are no mapping of names to (h, w) arrays of numbers from 0 to 1.
+    """
+    if not isinstance(masks, Mapping):
+        raise TypeError(
+            f"masks must map photo names to (h, w) arrays, not {type(masks).__name__}."
+        )
+    for name, mask in masks.items():
+        numbers = isinstance(mask, np.ndarray) and mask.dtype.kind in "bfiu"
+        fits = numbers and mask.ndim == 2 and mask.size > 0
+        if not fits or not ((mask >= 0) & (mask <= 1)).all():
+            raise ValueError(
+                f"The mask of {name!r} must be an (h, w) array of numbers from 0 (not "
+                "skin) to 1 (skin)."
+            )
+    return {name: mask.astype(np.float32, copy=False) for name, mask in masks.items()}
 
 
 def encode_mask(mask: Array32) -> bytes:

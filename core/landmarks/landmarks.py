@@ -20,11 +20,14 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
+from ..files import write_text
+from ..kinds import expect, expect_paths, expect_whole
 
 SCHEME_SIZES = {"468": 468, "68": 68, "40": 40}
 LANDMARK_ENDINGS = (".pts", ".json")
@@ -134,6 +137,9 @@ def read_landmarks(
         If the file cannot be read, or its content is not landmarks;
         `NotLandmarksError` for ``.json`` files of another kind.
     """
+    expect_paths(path=path)
+    expect(str | None, "the name of a photo", photo=photo)
+    size = _picture_size(size, "size")
     path = Path(path)
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
@@ -157,7 +163,17 @@ def write_landmarks(
     """Write a ``.pts`` (scheme 68 only, without weights) or ``.json`` file.
 
     The file appears whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        The file's ending, or one that cannot hold these landmarks.
+    ReconstructionError
+        The file cannot be written.
     """
+    expect_paths(path=path)
+    expect(Landmarks, "Landmarks", landmarks=landmarks)
+    image_size = _picture_size(image_size, "image_size")
     path = Path(path)
     if path.suffix.lower() == ".json":
         record = {
@@ -166,26 +182,30 @@ def write_landmarks(
             "weights": landmarks.weight.tolist(),
         }
         if image_size is not None:
-            record["image_size"] = [int(v) for v in image_size]
+            record["image_size"] = list(image_size)
         text = json.dumps(record)
     elif path.suffix.lower() == ".pts":
         if landmarks.scheme != "68":
             raise ValueError(
                 f".pts files hold the scheme 68, not {landmarks.scheme}; "
-                "write a .json file"
+                "write a .json file."
             )
         rows = "\n".join(f"{x!r} {y!r}" for x, y in (landmarks.points + 1).tolist())
         text = f"version: 1\nn_points: 68\n{{\n{rows}\n}}\n"
     else:
-        raise ValueError(f"{path.name}: landmark files end in .pts or .json")
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+        raise ValueError(f"{path.name}: landmark files end in .pts or .json.")
+    write_text(path, text)
+
+
+def _picture_size(given: Sequence[int] | None, name: str) -> tuple[int, int] | None:
+    """Width and height as they are compared and stored."""
+    if given is None:
+        return None
+    if not isinstance(given, Sequence | np.ndarray) or len(given) != 2:
+        raise TypeError(f"{name} must be the width and height of a picture.")
+    width, height = given
+    expect_whole(1, 1_000_000, width=width, height=height)
+    return int(width), int(height)
 
 
 def _bad(path: Path, what: str) -> LandmarkFileError:

@@ -110,7 +110,9 @@ def _dots(picture: Picture, points: npt.NDArray, colour: Sequence[int]) -> None:
 
 
 def thumbnails(reconstruction: Reconstruction) -> dict[str, bytes]:
-    """JPEG bytes of all used photos by name."""
+    """JPEG bytes of all used photos by name; none of a face that was loaded."""
+    if not reconstruction.has_pixels:
+        return {}
     return {
         photo.name: encode_jpeg(thumbnail(reconstruction, index), 82)
         for index, photo in enumerate(reconstruction.photos)

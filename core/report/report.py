@@ -21,6 +21,7 @@ from ..drawing.render import View, face_views, side_by_side
 from ..files import write_bytes, write_text
 from ..images.colour import to_picture
 from ..json_text import to_json
+from ..kinds import CALLBACK, SWITCH, expect, expect_paths
 from ..progress import CheckCancelled, never_cancelled
 from ..result import Reconstruction
 from ..texture.bake import Texture, bake_texture
@@ -81,9 +82,20 @@ def write_report(
     ReconstructionError
         When a file cannot be written.
     """
+    expect_paths(path=path)
+    expect(Reconstruction, "a Reconstruction", reconstruction=reconstruction)
+    expect(str | None, "a text", title=title)
+    expect(Texture | None, "a Texture", texture=texture)
+    expect(SWITCH, "true or false", textured=textured, timings=timings)
+    expect(CALLBACK, "a function", progress=progress)
+    expect(list | tuple, "a list of endings", companions=companions)
+    if any(ending not in COMPANIONS for ending in companions):
+        raise ValueError(
+            f"companions must be some of {', '.join(COMPANIONS)}, not {companions!r}."
+        )
     path = report_files(path)[0]
     tell = progress or (lambda fraction: None)
-    if texture is None and textured and reconstruction.photos:
+    if texture is None and textured and reconstruction.has_pixels:
         texture = bake_texture(
             reconstruction, TEXTURE_SIZE, lambda x: tell(0.5 * x), detail=False
         )

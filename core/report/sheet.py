@@ -48,7 +48,7 @@ def summary_sheet(
     if drawn:
         words = "z and its derivatives by u, v, uu, vv, uv"
         parts += [_text(words, 0.55, _SOFT, 34), _fitted(drawn, 180)]
-    if reconstruction.photos:
+    if reconstruction.has_pixels:
         sheet = contact_sheet(reconstruction, 10, WIDTH - 2 * _MARGIN)
         parts += [_text("photos", 0.55, _SOFT, 34), _centred(sheet)]
     for sentence in facts["warnings"][:6]:

@@ -15,12 +15,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from .._types import Array
 from ..errors import ReconstructionError
+from ..kinds import expect
 from ..npz_arrays import floats, read_arrays
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.template import Template, load_template
@@ -38,6 +39,7 @@ CORNERS = {"Right": (33, 133), "Left": (263, 362)}
 LID_OVER, LID_BEFORE = (-0.5, -0.1), (0.1, 0.8)
 
 
+@runtime_checkable
 class Face(Protocol):
     """What a rig needs to know of a `Reconstruction`."""
 
@@ -123,6 +125,7 @@ def arkit_keys(face: Face) -> dict[str, Array]:
     ReconstructionError
         When the face was made with a template whose (u, v) is not the bundled one's.
     """
+    expect(Face, "a face with its template", face=face)
     units = units_for(face)
     factors = key_factors(face, units)
     shape = face.surface.shape

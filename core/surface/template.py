@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._types import Array
+from ..kinds import expect_paths
 from ..npz_arrays import floats as npz_floats
 from ..npz_arrays import open_file, read_arrays
 from .bspline import BSplineSurface
@@ -136,6 +137,8 @@ def load_template(path: str | os.PathLike | None = None) -> Template:
     ValueError
         If the file is no template; the sentence names the file and what is wrong.
     """
+    if path is not None:
+        expect_paths(path=path)
     path = BUNDLED if path is None else Path(path)
     try:
         # Opened here: numpy leaves the file open when it is damaged.

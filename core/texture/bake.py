@@ -29,6 +29,7 @@ from ..camera.camera import Camera
 from ..drawing.pictures import write_png
 from ..errors import ReconstructionError
 from ..images.colour import to_picture
+from ..kinds import CALLBACK, SWITCH, expect, expect_paths, expect_whole
 from ..photometry.skin import SkinMask
 from ..result import Reconstruction
 from ..threads import one_blas_thread
@@ -118,13 +119,16 @@ def bake_texture(
     ValueError
         When ``size`` is out of range.
     """
+    expect(Reconstruction, "a Reconstruction", reconstruction=reconstruction)
+    expect(CALLBACK, "a function", progress=progress)
+    expect(SWITCH, "true or false", detail=detail)
+    if size is not None:
+        expect_whole(64, 8192, size=size)
     photos, cameras = reconstruction.photos, reconstruction.cameras
-    if not photos:
+    if not reconstruction.has_pixels:
         raise ReconstructionError(
             "A texture needs the photos of the reconstruction; run it again with them."
         )
-    if size is not None and not 64 <= size <= 8192:
-        raise ValueError(f"texture size must be 64 to 8192 texels, got {size}")
     tell = progress or (lambda fraction: None)
     delit = delit_photos(reconstruction, size, tell)
     size, views = delit.size, delit.views
@@ -207,6 +211,20 @@ def write_texture(
     mask : (S, S) bool array, optional
         Written as the alpha channel: opaque where measured.
     """
+    expect_paths(path=path)
+    expect(np.ndarray, "an array", linear=linear)
+    expect(np.ndarray | None, "an array", mask=mask)
+    square = linear.shape[:1] * 2
+    if linear.dtype.kind not in "fiu" or linear.shape != (*square, 3):
+        raise ValueError(
+            "linear must be an (S, S, 3) array of numbers, not "
+            f"{linear.dtype} of shape {linear.shape}."
+        )
+    if mask is not None and (mask.dtype != bool or mask.shape != square):
+        raise ValueError(
+            f"mask must be a bool array of shape {square}, not {mask.dtype} of "
+            f"shape {mask.shape}."
+        )
     picture = to_picture(linear, depth)
     if mask is not None:
         alpha = np.where(mask, np.iinfo(picture.dtype).max, 0).astype(picture.dtype)

@@ -26,6 +26,8 @@ import numpy.typing as npt
 
 from .._types import Array
 from ..drawing.pictures import write_png
+from ..images.colour import stored_type
+from ..kinds import expect, expect_paths
 from ..progress import CheckCancelled
 from ..result import Reconstruction
 from ..surface.bspline import BSplineSurface, dense_basis
@@ -208,27 +210,31 @@ def tangent_normals(height: Picture, tangents: Tangents) -> Picture:
 
 def normal_picture(detail: Detail, depth: int = 8) -> npt.NDArray:
     """The normal map as a picture (S, S, 3): green up, flat is (128, 128, 255)."""
+    expect(Detail, "a Detail", detail=detail)
     return _quantised((detail.normals + 1) / 2, depth)
 
 
 def displacement_picture(detail: Detail) -> npt.NDArray[np.uint16]:
     """The displacement as a 16-bit picture (S, S): grey 0, white `WHITE_MM`."""
+    expect(Detail, "a Detail", detail=detail)
     return _quantised(0.5 + detail.displacement / (2 * WHITE_MM), 16)
 
 
 def write_normals(path: str | os.PathLike, detail: Detail, depth: int = 8) -> Path:
     """Write the normal map as PNG, row 0 at v = 0; see `normal_picture`."""
+    expect_paths(path=path)
     return write_png(path, normal_picture(detail, depth))
 
 
 def write_displacement(path: str | os.PathLike, detail: Detail) -> Path:
     """Write the displacement as 16-bit PNG; see `displacement_picture`."""
+    expect_paths(path=path)
     return write_png(path, displacement_picture(detail))
 
 
 def _quantised(values: Picture, depth: int) -> npt.NDArray:
-    top = {8: 255, 16: 65535}[depth]
-    kind = np.uint8 if depth == 8 else np.uint16
+    kind = stored_type(depth)
+    top = np.iinfo(kind).max
     # Half a step is rounded up: flat is 128 or 32768 everywhere.
     return np.clip(np.floor(values * top + 0.5), 0, top).astype(kind)
 

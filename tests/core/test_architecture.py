@@ -19,6 +19,7 @@ GROUND = {
     "errors",
     "files",
     "json_text",
+    "kinds",
     "npz_arrays",
     "progress",
     "settings",

@@ -249,7 +249,7 @@ def test_damaged_and_missing_files_are_refused_in_a_sentence(tmp_path, content):
 
 
 def test_wrong_kinds_are_a_type_error():
-    with pytest.raises(TypeError, match="path of a face file"):
+    with pytest.raises(TypeError, match="path must be a path"):
         load(3)
 
 

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from bsface.errors import ReconstructionError
 from bsface.landmarks.landmarks import (
     SCHEME_SIZES,
     LandmarkFileError,
@@ -90,7 +91,7 @@ def test_only_scheme_68_is_written_as_pts(tmp_path):
 def test_failed_write_leaves_the_old_file(tmp_path):
     path = tmp_path / "a.json"
     path.mkdir()  # cannot be replaced by a file
-    with pytest.raises(OSError):
+    with pytest.raises(ReconstructionError, match="is a folder"):
         write_landmarks(path, Landmarks("a", "40", points_like(40), np.ones(40)))
     assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
 

@@ -11,10 +11,12 @@ import pytest
 from bsface.batch.record import Outcome, batch_facts
 from bsface.drawing import maps, plots
 from bsface.errors import ReconstructionError
+from bsface.formats import load_face
 from bsface.json_text import to_json
 from bsface.report import page, report
 from bsface.report.facts import failure_facts, result_facts
 from bsface.result import HistoryEntry
+from bsface.texture.bake import bake_texture
 from fake_face import (
     PhotoReport,
     bare_reconstruction,
@@ -238,3 +240,14 @@ def test_page_says_how_often_the_stated_deviation_holds(written):
     assert mean[head.index("68%")] == f"{page.WITHIN_DEVIATION}%"
     sentence = f"{page.WITHIN_DEVIATION} % of the skin lies within one standard"
     assert sentence in written.read_text("utf-8")
+
+
+def test_a_face_that_was_loaded_has_a_page_too(tmp_path):
+    """Its photos have names and no pixels: what needs those is left out."""
+    path = painted_reconstruction(count=2, side=60).save(tmp_path / "a.npz")
+    face = load_face(path)
+    written = report.write_report(tmp_path / "a.html", face)
+    assert "000.png" in written.read_text("utf-8")
+    assert report.thumbnails(face) == {}
+    with pytest.raises(ReconstructionError, match="needs the photos"):
+        bake_texture(face)
