@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import cv2
 import numpy as np
 
 from ..core.drawing.pictures import encode_png
-from ..core.files import write_bytes
+from ..core.files import temporary_folder, write_bytes
 from ..core.formats import ending, export, textured_quads
 from ..core.formats.mtl import read_texture
 from ..core.formats.options import ExportOptions
@@ -55,13 +54,13 @@ def write(wanted: FileToWrite) -> Path:
     """Write the file."""
     if wanted.face is None:
         return write_map(wanted.path, wanted.picture)
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         options = wanted.options
         if wanted.picture:
-            texture = write_map(Path(folder) / "texture.png", wanted.picture)
+            texture = write_map(folder / "texture.png", wanted.picture)
             options = replace(options, texture=texture)
         if wanted.detail:
-            normals = write_detail(Path(folder) / "normal.png", wanted.detail)
+            normals = write_detail(folder / "normal.png", wanted.detail)
             options = replace(options, normals=normals)
         if _ending(str(wanted.path)) == fbx_file.ENDING:
             return _write_fbx(wanted, options)

@@ -11,6 +11,7 @@ import contextlib
 import os
 import re
 import secrets
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -72,6 +73,26 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         raise
 
 
+@contextlib.contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A new folder in the system's place for temporary files, removed after the block.
+
+    Raises
+    ------
+    ReconstructionError
+        The system has no such place that can be written.
+    """
+    try:
+        folder = tempfile.TemporaryDirectory(prefix="bsface-")
+    except OSError as error:
+        raise ReconstructionError(
+            f"No temporary file can be written ({error.strerror}); set TMPDIR to a "
+            "folder with free space."
+        ) from None
+    with folder as name:
+        yield Path(name)
+
+
 def _remove(path: Path) -> None:
     with contextlib.suppress(OSError):
         path.unlink()
@@ -95,10 +116,11 @@ def why_not_writable(path: Path) -> str:
             if not os.access(path, os.W_OK, effective_ids=_EFFECTIVE):
                 return "is write-protected; choose another name"
         folder = path.parent
-        while not folder.exists() and folder != folder.parent:
+        while not os.path.lexists(folder) and folder != folder.parent:
             folder = folder.parent
         if not folder.is_dir():
-            return f"cannot be written ({folder} is a file); choose another folder"
+            kind = "a file" if folder.exists() else "a link in a circle"
+            return f"cannot be written ({folder} is {kind}); choose another folder"
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
         return f"cannot be written ({why}); choose another name"

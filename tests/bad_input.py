@@ -146,8 +146,14 @@ def _unreadable(folder: Path) -> str:
 
 
 def _loop(folder: Path) -> str:
+    folder.mkdir(exist_ok=True)
     (folder / "photos").symlink_to(folder / "photos")
     return str(folder / "photos")
+
+
+def _output_is_loop(folder: Path) -> str:
+    (folder / "out").symlink_to("out")
+    return good_folder(folder)
 
 
 def _output_is_folder(folder: Path) -> str:
@@ -301,6 +307,7 @@ def job_rows() -> list[JobRow]:
     output = [
         JobRow("the output is a folder", call(_output_is_folder), 2, "is a folder"),
         JobRow("the output's folder is a file", call(_output_below_file), 2, "a file"),
+        JobRow("a link in a circle", call(_output_is_loop), 2, "a link in a circle"),
         JobRow(
             "a place where nothing can be written",
             call(good_folder, out="/proc/none/face.npz"),
@@ -378,6 +385,16 @@ def job_rows() -> list[JobRow]:
     ]
     templates = [replace(row, blender="") for row in templates]
     commands = [
+        JobRow(
+            "batch: links in a circle",
+            lambda f: ["batch", _loop(f), f"{_loop(f / 'sub')}/out"],
+            2,
+            "a link in a circle",
+            library=False,
+            blender="",
+        )
+    ]
+    commands += [
         JobRow(title, make, 1, words, library=False, blender="")
         for title, make, words in (
             (

@@ -86,7 +86,7 @@ class Folder:
 
 def photo_rows(folder: Path) -> list[PhotoRow]:
     """A folder with every kind of bad photo, and some good ones."""
-    lay = Folder(folder, 40)
+    lay = Folder(folder, 42)
     rows: list[PhotoRow] = []
 
     def add(title: str, name: str, code: str, *content: Any, **record: Any) -> None:
@@ -178,6 +178,12 @@ def photo_rows(folder: Path) -> list[PhotoRow]:
     small[60:100, 60:100] = cv2.resize(pixels, (40, 40), interpolation=cv2.INTER_AREA)
     add("small face", "far.png", "small_face", small, points / 4 + 60)
     add("no landmark file, detector off", "bare.png", "no_face", lay.next()[0])
+
+    longest = "n" * 251 + ".png"
+    add("255 bytes, no name for what lies beside", longest, "no_face", lay.next()[0])
+    pixels, points = lay.next()
+    add("all of the face masked", "black.png", "unreadable", pixels, points)
+    lay.save("black.mask.png", np.zeros_like(pixels))
 
     # landmark files
     def marks(

@@ -139,14 +139,14 @@ def people_in(folder: str | os.PathLike) -> tuple[Path, ...]:
     """
     folder = Path(folder)
     try:
-        here = folder.resolve()
+        here = Path(os.path.realpath(folder))
         found = sorted(
             p
             for p in folder.iterdir()
             if p.is_dir()
             and not p.name.startswith(".")
             # a link to the folder itself or to one above it is no person
-            and not here.is_relative_to(p.resolve())
+            and not here.is_relative_to(os.path.realpath(p))
         )
     except OSError as error:
         raise ReconstructionError(

@@ -237,11 +237,7 @@ def _check_wanted(wanted: Sequence[str]) -> None:
 
 def _check_out(people: Path, out: Path) -> None:
     """Raise a ValueError for a folder in which results cannot stand."""
-    try:
-        inside = out.resolve().is_relative_to(people.resolve())
-    except OSError as error:  # links in a circle
-        raise ValueError(f"{out}: cannot be used ({error.strerror}).") from None
-    if inside:
+    if Path(os.path.realpath(out)).is_relative_to(os.path.realpath(people)):
         raise ValueError(
             f"{out} lies in the folder of the people, so that the next run would take "
             "results for photos; choose another folder for the results."

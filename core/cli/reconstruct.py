@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import contextlib
 import shlex
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from ..errors import Cancelled, ReconstructionError, out_of_memory
+from ..files import temporary_folder
 from ..formats import (
     HEAD_ENDINGS,
     TEXTURE_ENDINGS,
@@ -198,9 +198,9 @@ def _textured(face: Reconstruction, outputs: Sequence[str]) -> Iterator[ExportOp
     if not wanted or not face.has_pixels:
         yield ExportOptions()
         return
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         names = ("texture.png", "normal.png", "displacement.png")
-        skin, normals, displacement = (Path(folder) / name for name in names)
+        skin, normals, displacement = (folder / name for name in names)
         texture = bake_texture(face)
         write_texture(skin, texture.mean)
         if texture.detail is None:

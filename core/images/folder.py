@@ -138,7 +138,7 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
                 waiting.append(path)
             elif kind == "folder" and _holds_photos(path):
                 photo_folders.append(name)
-            elif kind == "link" and path.resolve() != folder.resolve():
+            elif kind == "link":
                 why = f"{name} is a link to a folder, which is not followed."
                 passed_over.append(PassedOver(name, why))
             elif kind == "ours":

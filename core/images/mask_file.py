@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from .._types import Array32
+from .._types import Array, Array32
 from ..errors import PhotoFailure
 from .photo import Photo
 from .read import read_photo
@@ -26,7 +26,7 @@ ENDING = ".mask.png"
 MAX_SIDE = 1024
 #: Largest difference of the aspect ratios of mask and photo.
 TOLERANCE = 0.02
-#: Grey levels, of 0 to 1, about the half within which nothing is said.
+#: Grey levels, of 0 to 1, about the half within which nothing is said, and about black.
 SILENT = 0.02
 
 
@@ -43,7 +43,7 @@ def masked(name: str) -> str:
 def mask_file_beside(photo: str | os.PathLike) -> Path | None:
     """The mask file of a photo, or None; its ending may be in capitals."""
     path = Path(photo).with_suffix(ENDING)
-    if path.is_file():
+    if os.path.isfile(path):  # unlike `Path.is_file`, whatever the name's length
         return path
     with contextlib.suppress(OSError), os.scandir(path.parent) as entries:
         for entry in entries:
@@ -95,6 +95,31 @@ def read_mask(path: Path, photo: Photo) -> Array32 | PhotoFailure:
         )
         grey = np.asarray(small, np.float32)
     return _silenced(grey)
+
+
+def judge_mask(photo: Photo, points: Array) -> PhotoFailure | None:
+    """A failure, ``"unreadable"``, if the mask takes the whole face away, or None.
+
+    Parameters
+    ----------
+    photo : Photo
+    points : (f, 2) array
+        Landmarks of the face, pixels of the original.
+    """
+    if photo.mask is None:
+        return None
+    size = np.array(photo.size)
+    inside = points[((points >= 0) & (points < size)).all(axis=1)]
+    height, width = photo.mask.shape
+    x, y = (inside * (width, height) / size).astype(int).T
+    if (photo.mask[y, x] > SILENT).any():
+        return None
+    return PhotoFailure(
+        photo.name,
+        "unreadable",
+        f"The mask of {photo.name} is black all over the face; paint its skin white, "
+        "or remove the mask.",
+    )
 
 
 def given_masks(masks: object) -> dict[str, Array32]:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import base64
 import contextlib
 import struct
-import tempfile
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ import cv2
 import numpy as np
 
 from .._types import Array, Picture, Picture8
+from ..files import temporary_folder
 from .boxes import boxes, inside
 from .capture import opened
 from .colour import to_picture
@@ -138,8 +138,8 @@ def opencv_converts() -> bool:
     The clip is grey of the level 200 and says that it is HLG; as a screen of standard
     range shows it, it is nearly white.
     """
-    with tempfile.TemporaryDirectory(prefix="bsface-") as folder:
-        path = Path(folder) / "grey.mp4"
+    with temporary_folder() as folder:
+        path = folder / "grey.mp4"
         path.write_bytes(zlib.decompress(base64.b85decode("".join(_GREY))))
         with opened(path) as video:
             found, bgr = video.read()

@@ -18,7 +18,7 @@ import numpy as np
 from .._types import Array, Array32
 from ..camera.linear_pose import linear_pose
 from ..errors import PhotoFailure
-from ..images.mask_file import mask_file_beside, with_mask
+from ..images.mask_file import judge_mask, mask_file_beside, with_mask
 from ..images.photo import Photo, cut
 from ..images.read import read_photo
 from ..progress import CheckCancelled
@@ -202,6 +202,8 @@ class CandidateReader:
         failure = judge_fit(fit, landmarks, photo.size)
         if failure is None:
             failure = self._no_pose(landmarks)
+        if failure is None:
+            failure = judge_mask(photo, found.points)
         xy = landmarks.points
         if failure is None:
             # A scheme without forehead still gets a cut-out with one: the

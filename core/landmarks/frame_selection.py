@@ -75,7 +75,8 @@ def read_frames(
     found: list[tuple[str, Faces]] = []
     failures: list[PhotoFailure] = []
     ignored: list[tuple[str, Faces | PhotoFailure]] = []
-    for photo in video.photos(check_cancelled):
+    seen = 0
+    for seen, photo in enumerate(video.photos(check_cancelled), 1):
         if photo.name in ignore:
             why = PhotoFailure(photo.name, "ignored", f"{photo.name} is set aside.")
             ignored.append((photo.name, why))
@@ -90,7 +91,10 @@ def read_frames(
     if not found and failures:
         return [(name, _useless(name, failures)), *ignored]
     chosen = differing_frames([faces for _, faces in found], limit)
-    return [*(found[i] for i in chosen), *ignored]
+    used: list[tuple[str, Faces | PhotoFailure]] = [found[i] for i in chosen]
+    if seen < len(video.frames):
+        used.append((name, _changed(name)))
+    return [*used, *ignored]
 
 
 def differing_frames(found: Sequence[Faces], limit: int) -> list[int]:
@@ -127,6 +131,15 @@ def _pose_and_light(face: Candidate) -> Array:
     cells = cv2.resize(patch, (_CELLS, _CELLS), interpolation=cv2.INTER_AREA)
     light = cells / max(float(cells.mean()), 1.0)
     return np.concatenate([toward / POSE_STEP, light.ravel() / (LIGHT_STEP * _CELLS)])
+
+
+def _changed(name: str) -> PhotoFailure:
+    return PhotoFailure(
+        name,
+        "unreadable",
+        f"{name} was changed or removed while it was read; leave it as it is and start "
+        "again.",
+    )
 
 
 def _useless(name: str, failures: Sequence[PhotoFailure]) -> PhotoFailure:

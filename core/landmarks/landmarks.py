@@ -110,7 +110,8 @@ def landmark_file_beside(photo: str | os.PathLike) -> Path | None:
     photo = Path(photo)
     for ending in LANDMARK_ENDINGS:
         path = photo.with_suffix(ending)
-        if path.is_file():
+        # Unlike `Path.is_file`, no error for a name that grows too long.
+        if os.path.isfile(path):
             return path
     return None
 

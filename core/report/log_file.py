@@ -55,7 +55,8 @@ def log_file(path: Path | None, about: str) -> Iterator[logging.Logger]:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handler = _Handler(path, "w", encoding="utf-8")
+        # Names of files need not be text.
+        handler = _Handler(path, "w", encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise _unwritten(path, error) from None
     handler.setFormatter(logging.Formatter(_FORMAT))

@@ -131,6 +131,11 @@ def bake_texture(
         )
     tell = progress or (lambda fraction: None)
     delit = delit_photos(reconstruction, size, tell)
+    if not delit.weight.any():
+        raise ReconstructionError(
+            "The photos show no skin of which a texture could be made; check their "
+            "masks."
+        )
     size, views = delit.size, delit.views
     weight, base, agreement = delit.weight, delit.base, delit.agreement
     coarse, neutral = delit.colours, delit.neutral

@@ -84,3 +84,21 @@ def test_a_video_without_a_face_is_one_sentence(tmp_path, drawn):
     (tmp_path / "b.mp4").write_bytes(b"no film")
     ((name, failure),) = read_frames(nobody, tmp_path / "b.mp4", "b.mp4")
     assert name == "b.mp4" and "is not a video" in failure.reason
+
+
+@pytest.mark.parametrize("left", [0, 0.4])
+def test_a_video_that_changes_while_it_is_read_is_told(tmp_path, drawn, left):
+    """It is decoded twice; frames that are chosen may be gone the second time."""
+    path = write_clip(tmp_path / "a.avi", [pixels for pixels, _ in drawn])
+    known = reader("a.avi", [points for _, points in drawn])
+    calls = 0
+
+    def change() -> None:
+        nonlocal calls
+        calls += 1
+        if calls == COUNT + 1:  # the end of the first time
+            path.write_bytes(path.read_bytes()[: int(left * path.stat().st_size)])
+
+    *found, (name, failure) = read_frames(known, path, "a.avi", check_cancelled=change)
+    assert len(found) < COUNT and (len(found) > 0) == (left > 0)
+    assert name == "a.avi" and "while it was read" in failure.reason

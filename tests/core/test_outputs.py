@@ -1,6 +1,7 @@
 """Outputs that would take another file with them are refused before the work."""
 
 import os
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,13 @@ import pytest
 from bsface.cli.arguments import parse_settings
 from bsface.drawing.pictures import write_png
 from bsface.errors import PhotoFailure, ReconstructionError, one_line
-from bsface.files import is_temporary, replacing, why_not_writable, write_text
+from bsface.files import (
+    is_temporary,
+    replacing,
+    temporary_folder,
+    why_not_writable,
+    write_text,
+)
 from bsface.formats import load_face
 from bsface.formats.mesh import write_mesh_obj
 from bsface.report.log_file import log_file
@@ -154,6 +161,21 @@ def test_a_log_on_a_full_disk_is_a_sentence(capfd):
     ):
         log.info("a line")
     assert capfd.readouterr().err == ""
+
+
+def test_a_log_takes_names_that_are_no_text(tmp_path):
+    with log_file(tmp_path / "a.log", "test") as log:
+        log.info("%s", os.fsdecode(b"caf\xe9.jpg"))
+    assert r"caf\udce9.jpg" in (tmp_path / "a.log").read_text("utf-8")
+
+
+def test_no_place_for_temporary_files_is_a_sentence(tmp_path):
+    before, tempfile.tempdir = tempfile.tempdir, str(tmp_path / "gone")
+    try:
+        with pytest.raises(ReconstructionError, match="set TMPDIR"), temporary_folder():
+            pass
+    finally:
+        tempfile.tempdir = before
 
 
 def test_sentences_stay_on_one_line_and_steer_no_terminal():
