@@ -15,6 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from .._start import WORKER
+from ..errors import ReconstructionError
 from .memory import ended_abruptly, limit_memory
 from .record import Outcome
 
@@ -70,13 +71,19 @@ def on_processes(
 def _one_pool(work: Work, jobs: Jobs, workers: int, memory: int | None) -> Outcomes:
     """Outcomes of one pool until all are done or one of its processes dies."""
     # A fresh interpreter for every person: nothing is inherited, all memory returns.
-    pool = ProcessPoolExecutor(
-        min(workers, len(jobs)),
-        mp_context=multiprocessing.get_context("spawn"),
-        max_tasks_per_child=1,
-        initializer=limit_memory,
-        initargs=(memory,),
-    )
+    try:
+        pool = ProcessPoolExecutor(
+            min(workers, len(jobs)),
+            mp_context=multiprocessing.get_context("spawn"),
+            max_tasks_per_child=1,
+            initializer=limit_memory,
+            initargs=(memory,),
+        )
+    except OSError as error:  # no room for semaphores
+        raise ReconstructionError(
+            f"No worker can be started ({error.strerror}); free some space in /dev/shm "
+            "and on the disk."
+        ) from None
     try:
         futures = {pool.submit(work, *job): name for name, job in jobs.items()}
         for future in as_completed(futures):

@@ -76,7 +76,8 @@ def read_frames(
     failures: list[PhotoFailure] = []
     ignored: list[tuple[str, Faces | PhotoFailure]] = []
     seen = 0
-    for seen, photo in enumerate(video.photos(check_cancelled), 1):
+    for photo in video.photos(check_cancelled):
+        seen += 1
         if photo.name in ignore:
             why = PhotoFailure(photo.name, "ignored", f"{photo.name} is set aside.")
             ignored.append((photo.name, why))

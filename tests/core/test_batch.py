@@ -25,6 +25,7 @@ from bsface.errors import ReconstructionError
 from bsface.settings import Settings
 from executors import InThisProcess
 from fake_face import person_folder
+from permissions import no_larger_files
 
 QUICK = Settings(detector=False, method="motion", control_points=(12, 12))
 WANTED = ("face.npz", "face.step")
@@ -308,6 +309,15 @@ def test_a_pipe_or_a_device_among_the_photos_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.jpg")
     (tmp_path / "endless.jpg").symlink_to("/dev/zero")
     assert len(batch_record.fingerprint(tmp_path, {}, WANTED)) == 64
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="semaphores are files on Linux")
+def test_no_room_to_start_workers_is_a_sentence(people, tmp_path):
+    with (
+        no_larger_files(0),
+        pytest.raises(ReconstructionError, match=r"No worker can be started \(File"),
+    ):
+        batch.run_batch(people, tmp_path / "out", QUICK)
 
 
 def test_a_person_whose_name_is_no_text_costs_nobody(tmp_path):
