@@ -197,24 +197,49 @@ def kill_runs(times: int, seed: int, told: Callable[[Ending], None]) -> list[End
     return endings
 
 
+@dataclass(frozen=True)
+class Batch:
+    """A batch that nothing disturbed.
+
+    Attributes
+    ----------
+    words : list of str
+        Of its command.
+    out : Path
+    wanted : dict of str to bytes
+        What it writes, see `contents`.
+    seconds : float
+    """
+
+    words: list[str]
+    out: Path
+    wanted: dict[str, bytes]
+    seconds: float
+
+
+def whole_batch(place: Path) -> Batch:
+    """Run a batch of three people to its end."""
+    for person in ("ann", "bob", "eve"):
+        photos_in(place / "people" / person, 2)
+    out = place / "out"
+    words = ["batch", str(place / "people"), str(out), "--write=face.npz", *QUICK]
+    began = time.perf_counter()
+    if finish(start(words)):
+        raise SystemExit("One batch alone, which nothing disturbs, fails too.")
+    return Batch(words, out, contents(out), time.perf_counter() - began)
+
+
 def kill_batches(times: int, seed: int, told: Callable[[Ending], None]) -> list[Ending]:
     """Batches of three people, stopped and then finished by the same command."""
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory() as name:
-        place = Path(name)
-        for person in ("ann", "bob", "eve"):
-            photos_in(place / "people" / person, 2)
-        out = place / "out"
-        words = ["batch", str(place / "people"), str(out), "--write=face.npz", *QUICK]
-        began = time.perf_counter()
-        finish(start(words))
-        lasts = time.perf_counter() - began
-        wanted = contents(out)
+        batch = whole_batch(Path(name))
+        words, out, wanted = batch.words, batch.out, batch.wanted
         endings = []
         for k in range(times):
             shutil.rmtree(out)
             stopping = SIGNALS[k % len(SIGNALS)]
-            after = rng.uniform(0, 1.05 * lasts)
+            after = rng.uniform(0, 1.05 * batch.seconds)
             seconds, code, said = stop(start(words), stopping, after, whole_group=True)
             out.mkdir(exist_ok=True)
             hidden = 0

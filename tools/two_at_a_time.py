@@ -19,7 +19,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from faults import OUTPUTS, QUICK, contents, finish, photos_in, start
+from faults import OUTPUTS, QUICK, contents, finish, photos_in, start, whole_batch
 
 
 def two_writers(times: int) -> tuple[str, int]:
@@ -35,7 +35,7 @@ def two_writers(times: int) -> tuple[str, int]:
         wanted = []
         for run in words:
             if finish(start(run)):
-                raise SystemExit("faults.py: one writer alone fails too.")
+                raise SystemExit("two_at_a_time.py: one writer alone fails too.")
             wanted.append(contents(out))
         for _ in range(times):
             shutil.rmtree(out)
@@ -59,25 +59,15 @@ def two_batches(times: int, seed: int) -> tuple[str, int]:
     rng = random.Random(seed)
     faults, refused = 0, 0
     with tempfile.TemporaryDirectory() as name:
-        place = Path(name)
-        for person in ("ann", "bob", "eve"):
-            photos_in(place / "people" / person, 2)
-        out = place / "out"
-        words = ["batch", str(place / "people"), str(out), "--write=face.npz", *QUICK]
-        process, lasts = start(words), 0.0
-        began = time.perf_counter()
-        if finish(process):
-            raise SystemExit("two_at_a_time.py: one batch alone fails too.")
-        lasts = time.perf_counter() - began
-        wanted = contents(out)
+        batch = whole_batch(Path(name))
         for _ in range(times):
-            shutil.rmtree(out)
-            first = start(words)
-            time.sleep(rng.uniform(0, 0.8 * lasts))
-            code = finish(start(words))
+            shutil.rmtree(batch.out)
+            first = start(batch.words)
+            time.sleep(rng.uniform(0, 0.8 * batch.seconds))
+            code = finish(start(batch.words))
             faults += finish(first) != 0 or code not in (0, 1)
             refused += code == 1
-            faults += contents(out) != wanted
+            faults += contents(batch.out) != batch.wanted
     return (
         "| two batches with the same folder | one of them refused | faults |\n"
         f"| --- | --- | --- |\n| {times} | {refused} | {faults} |"
