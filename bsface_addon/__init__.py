@@ -8,6 +8,7 @@ from bpy.app.handlers import persistent
 from . import (
     cameras,
     headless,
+    manual,
     mask_editor,
     material,
     panels,
@@ -49,6 +50,7 @@ MODULES = (
     support,
     photo_panels,
     panels,
+    manual,
     headless,
 )
 

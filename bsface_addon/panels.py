@@ -11,6 +11,7 @@ from . import (
     cameras,
     coarse_editor,
     lights,
+    manual,
     material,
     messages,
     removal,
@@ -300,6 +301,7 @@ class BSFACE_PT_support(BSFacePanel, bpy.types.Panel):
             box = layout.box()
             paragraph(context, box, error.strip().splitlines()[-1], icon="ERROR")
             box.operator("bsface.reset", text="Clear", icon="X").group = "ERROR"
+        manual.draw(layout)
         layout.operator("bsface.copy_information", icon="COPYDOWN")
 
 

@@ -9,6 +9,7 @@ from bpy.props import StringProperty
 
 # The extension's own name, such as bl_ext.user_default.bsface.
 from .. import __package__ as base_package
+from . import manual
 
 # Where the core looks first for the model files (core/landmarks/face_mesh.py).
 VARIABLE = "BSFACE_MODELS"
@@ -35,6 +36,7 @@ class BSFACE_AP_preferences(bpy.types.AddonPreferences):
 
     def draw(self, context):
         self.layout.prop(self, "models")
+        manual.draw(self.layout)
 
 
 CLASSES = (BSFACE_AP_preferences,)

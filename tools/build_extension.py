@@ -1,8 +1,9 @@
 """Build the Blender extension: one zip per platform and Python, into dist/.
 
 A zip holds the add-on, the core, the wheels of SciPy, OpenCV and the readers of HEIC
-and AVIF for one platform and one Python, and the two face model files, so that
-nothing is downloaded after the installation. NumPy is Blender's own. Blender 4.5
+and AVIF for one platform and one Python, the two face model files, and the pages of
+the documentation for people at Blender, so that nothing is downloaded after the
+installation. NumPy is Blender's own. Blender 4.5
 to 5.0 have Python 3.11, 5.1 and later 3.13; a zip for both would break in some
 versions, hence two.
 
@@ -30,6 +31,7 @@ from pathlib import Path
 from bsface.errors import ReconstructionError  # pyright: ignore[reportMissingImports]
 from bsface.landmarks.face_models import user_cache  # pyright: ignore[reportMissingImports]
 from bsface.landmarks.model_fetching import fetch_models  # pyright: ignore[reportMissingImports]
+from build_pages import write_pages
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("scipy", "opencv-python-headless", "pi-heif", "pillow")
@@ -130,6 +132,7 @@ def stage(target: Target, folder: Path) -> None:
     models.mkdir(parents=True, exist_ok=True)
     for path in fetch_models().iterdir():
         shutil.copy(path, models / path.name)
+    write_pages(folder / "manual")
     (folder / "wheels").mkdir()
     names = []
     for wheel in wheels(target):

@@ -44,10 +44,12 @@ def test_zip_holds_what_runs_and_nothing_else(built):
         models + "face_detection_short_range.tflite",
         models + "face_landmark.tflite",
         models + "LICENSE-mediapipe.txt",
+        "manual/artist_guide.html",
+        "manual/images/artist_finished.png",
     ):
         assert needed in files
     allowed = {"__init__.py", "blender_manifest.toml", "LICENSE"}
-    tops = ("core/", "bsface_addon/", "wheels/")
+    tops = ("core/", "bsface_addon/", "manual/", "wheels/")
     assert not {f for f in files - allowed if not f.startswith(tops)}
     assert not {f for f in files if "__pycache__" in f or f.endswith(".pyc")}
     assert {f"./{f}" for f in files if f.startswith("wheels/")} == set(
