@@ -8,7 +8,7 @@ from . import landmark_editor, mask_editor, messages, photo_list, thumbnails
 from .panel_base import BSFacePanel, paragraph, shortened
 
 # Of a row of the list beside the name: box, thumbnail, status, buttons; in points.
-ROW_TAKEN = 215
+ROW_TAKEN = 175
 
 
 class BSFACE_UL_photos(bpy.types.UIList):

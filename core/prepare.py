@@ -399,7 +399,9 @@ def _nothing_usable(failures: tuple[PhotoFailure, ...]) -> str:
     reasons = ", ".join(
         f"{n} {FailureCode(code).label}" for code, n in count.most_common()
     )
+    # That photos were left out is no news to who left them out.
+    first = min(failures, key=lambda failure: failure.code == "ignored")
     return (
         f"None of the {total} photos can be used ({reasons}). The first: "
-        f"{failures[0].reason} Give sharp photos of one face."
+        f"{first.reason} Give sharp photos of one face."
     )

@@ -284,6 +284,9 @@ def test_no_usable_photo_is_told_with_the_reasons(models, folder):
     assert "None of the 4 photos" in str(info.value)
     assert "3 no face found" in str(info.value)
     assert "1 cannot be read" in str(info.value)
+    assert "The first: No face was found in 0.png" in str(info.value)
+    with pytest.raises(ReconstructionError, match="1 set aside.*in 1.png"):
+        collect_photos(folder, inputs=Inputs(ignore=("0.png",)))
 
 
 @pytest.mark.parametrize("photos", [[], ()])
