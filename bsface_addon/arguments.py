@@ -45,7 +45,7 @@ def verbs():
         "--ignore", metavar="PHOTO", action="append", default=[], help="leave one out"
     )
     add.add_argument(
-        "--size", type=float, default=1.0, help="1 is life size in metres (default)"
+        "--size", type=_scale, default=1.0, help="1 is life size in metres (default)"
     )
     add.add_argument("--quiet", action="store_true", help="no progress")
     add.set_defaults(verb="reconstruct")
@@ -69,6 +69,14 @@ def verbs():
             "--json", action="store_true", help="the result as one line of JSON"
         )
     return found
+
+
+def _scale(text):
+    """A factor that Blender can show."""
+    value = float(text)
+    if not 1e-3 <= value <= 1e3:
+        raise argparse.ArgumentTypeError(f"give 0.001 to 1000, not {text}")
+    return value
 
 
 def points(text):

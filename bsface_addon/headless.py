@@ -82,6 +82,7 @@ def reconstruct(options):
     import bpy
 
     from ..core.errors import ReconstructionError
+    from ..core.files import why_not_writable
     from ..core.images.folder import list_photos
     from ..core.report.outputs import check_outputs
     from . import arguments, session, showing
@@ -89,16 +90,21 @@ def reconstruct(options):
     from .console import Console
     from .request import from_panel, parsed
 
-    output = Path(options.output or options.out or "")
+    given = options.output or options.out or ""
+    output = Path(given)
     if output.suffix.lower() != ".blend":
         raise ReconstructionError(
-            f"Give a second name that ends in .blend for the result, "
-            f"not {str(output)!r}."
+            f"Give a second name that ends in .blend for the result, not {given!r}."
         )
+    why = why_not_writable(output)
+    if why:
+        raise ReconstructionError(f"{output}: {why}.")
     npz = options.npz and Path(options.npz)
+    if npz and npz.suffix.lower() not in ("", ".npz"):
+        raise ReconstructionError(f"{npz}: the face file must end in .npz.")
     try:
         check_outputs(
-            [str(npz if npz.suffix else npz.with_suffix(".npz"))] if npz else [],
+            [str(npz.with_suffix(".npz"))] if npz else [],
             report=options.report,
             photos=options.photos,
         )

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import ReconstructionError
+from ..core.errors import ReconstructionError, one_line
 from . import messages, photo_list
 
 if TYPE_CHECKING:
@@ -98,7 +98,8 @@ def from_panel(
         photos=photos,
         settings=_settings(state.settings, changes),
         texture_size=None if size == "AUTO" else int(size),
-        name=name or face_name(photos),
+        # Blender takes text only; folders have any names.
+        name=one_line(name or face_name(photos)),
         **fields,
     )
 
@@ -107,7 +108,7 @@ def parsed(text: str) -> dict[str, object]:
     """Settings written as a JSON object; empty text is no settings."""
     try:
         changes = json.loads(text) if text.strip() else {}
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ReconstructionError(messages.BAD_SETTINGS.format(why=error)) from None
     if not isinstance(changes, dict):
         why = "give a JSON object such as {}".format('{"method": "motion"}')

@@ -280,10 +280,6 @@ Sources = list[tuple[str, Path | np.ndarray]]
 
 def _sources(photos: Photos, recursive: bool) -> tuple[Sources, tuple[str, ...]]:
     """Names, unlike each other, with paths or arrays; and what is passed over."""
-    if isinstance(photos, str) and not photos:
-        raise ReconstructionError(
-            "The name of the folder is empty; give the folder that holds the photos."
-        )
     if isinstance(photos, str | os.PathLike):
         if is_video(Path(photos)):
             return [(_printable(Path(photos).name), Path(photos))], ()

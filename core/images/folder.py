@@ -116,6 +116,10 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
     """
     expect_paths(folder=folder)
     expect(SWITCH, "true or false", recursive=recursive)
+    if not os.fspath(folder):  # `Path` would take the present folder
+        raise ReconstructionError(
+            "The name of the folder is empty; give the folder that holds the photos."
+        )
     folder = Path(folder)
     _check_folder(folder)
     files: dict[str, list[Path]] = {"photo": [], "video": [], "mask": []}

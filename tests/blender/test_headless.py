@@ -90,6 +90,12 @@ def test_export_of_a_face_file(addon, solved, tmp_path):
         (["PHOTOS"], 1, "ends in .blend"),
         (["PHOTOS", "out.blend", "--points", "many"], 1, "40x40"),
         (["PHOTOS", "out.blend", "--settings", "{"], 1, "settings"),
+        (["PHOTOS", "out.blend", "--settings", "[" * 100_000], 1, "settings"),
+        (["PHOTOS", "out.blend", "--npz", "a.step"], 1, "must end in .npz"),
+        (["PHOTOS", "out.blend", "--size", "nan"], 2, "0.001 to 1000"),
+        (["PHOTOS", "out.blend", "--size", "0"], 2, "0.001 to 1000"),
+        (["PHOTOS", "/proc/version/a.blend"], 1, "is a file"),
+        (["", "out.blend"], 1, "is empty"),
         (["info", "/no/such.blend"], 1, "no file"),
         (["export", "/no/such.blend", "a.step"], 1, "no file"),
         (["reconstruct"], 2, "PHOTOS"),
@@ -106,6 +112,14 @@ def test_failures_are_one_sentence_and_an_exit_code(
     assert words in captured.out + captured.err
     assert "Traceback" not in captured.err
     assert not list(tmp_path.glob("*.blend"))
+
+
+def test_a_name_that_is_no_text(addon, solved, tmp_path):
+    blend = tmp_path / "a.blend"
+    given = [str(tmp_path / "photos"), str(blend), "--name", "Zo\udceb\n"]
+    assert headless.main(given) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    assert bpy.context.scene.bsface.face.name == r"Zo\udceb\n"
 
 
 def test_a_file_that_is_no_blend(addon, tmp_path, capfd):
