@@ -240,6 +240,7 @@ def job_rows() -> list[JobRow]:
     """Calls that fail as a whole."""
     photos = [
         JobRow("no such folder", call(lambda f: str(f / "none")), 1, "cannot open"),
+        JobRow("an empty name", call(lambda f: ""), 1, "is empty", blender=""),
         JobRow("a file instead of a folder", call(_file), 1, "is a file"),
         JobRow("an empty folder", call(_empty), 1, "holds no photos"),
         JobRow("a folder without pictures", call(_notes), 1, "holds no photos"),
@@ -385,13 +386,18 @@ def job_rows() -> list[JobRow]:
     ]
     templates = [replace(row, blender="") for row in templates]
     commands = [
-        JobRow(
-            "batch: links in a circle",
-            lambda f: ["batch", _loop(f), f"{_loop(f / 'sub')}/out"],
-            2,
-            "a link in a circle",
-            library=False,
-            blender="",
+        JobRow(title, make, 2, words, library=False, blender="")
+        for title, make, words in (
+            (
+                "batch: links in a circle",
+                lambda f: ["batch", _loop(f), f"{_loop(f / 'sub')}/out"],
+                "a link in a circle",
+            ),
+            (
+                "batch: an empty name",
+                lambda f: ["batch", "", str(f / "out")],
+                "is empty",
+            ),
         )
     ]
     commands += [

@@ -23,6 +23,7 @@ from ..errors import ReconstructionError
 from ..files import why_not_writable, write_text
 from ..formats import ending, export
 from ..json_text import to_json
+from ..kinds import expect_paths
 from ..reconstruct import reconstruct
 from ..report.facts import result_facts
 from ..report.log_file import log_file, logged
@@ -103,6 +104,10 @@ def run_batch(
     ReconstructionError
         When there are no people, or another batch runs in OUT.
     """
+    expect_paths(people=people, out=out)
+    if not os.fspath(people) or not os.fspath(out):
+        # `Path` would take the present folder.
+        raise ValueError("The name of a folder of the batch is empty; give both.")
     out = Path(out)
     _check_wanted(wanted)
     _check_out(Path(people), out)

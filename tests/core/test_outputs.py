@@ -179,12 +179,12 @@ def test_no_place_for_temporary_files_is_a_sentence(tmp_path):
 
 
 def test_sentences_stay_on_one_line_and_steer_no_terminal():
-    name = "a\nb\x1b[2J\udcff.jpg"
+    name = "a\nb\x1b[2J\udcff\u202egpj.jpg"
     for text in (
         str(ReconstructionError(f"{name}: bad.")),
         PhotoFailure(name, "unreadable", f"{name} is bad.").reason,
     ):
-        assert text.isprintable() and r"a\nb\x1b[2J\udcff.jpg" in text
+        assert text.isprintable() and r"a\nb\x1b[2J\udcff\u202egpj.jpg" in text
     assert one_line("größe 脸 🙂") == "größe 脸 🙂"
 
 
