@@ -19,6 +19,7 @@ from scipy.linalg.blas import dsyrk
 from scipy.linalg.lapack import dpotri
 
 from ..._types import Array
+from ...progress import CheckCancelled, never_cancelled
 from .coarse_space import smooth_albedo
 from .gram import gram, product
 
@@ -32,7 +33,11 @@ SPLINES = 20
 _BATCH = 16
 
 
-def displacement_deviation(system: BorderedSystem, splines: int = SPLINES) -> Array:
+def displacement_deviation(
+    system: BorderedSystem,
+    splines: int = SPLINES,
+    check_cancelled: CheckCancelled = never_cancelled,
+) -> Array:
     """Standard deviation of the displacement of each control point, ``(M*N,)``.
 
     Parameters
@@ -41,6 +46,8 @@ def displacement_deviation(system: BorderedSystem, splines: int = SPLINES) -> Ar
     splines : int
         Splines on a side that span the smooth part of the albedo, besides the
         harmonics.
+    check_cancelled : callable
+        Called for each photo; may raise `Cancelled`.
     """
     border, shape, size = system.intensities, system.shape, len(system.right)
     rows = border.rows
@@ -53,6 +60,7 @@ def displacement_deviation(system: BorderedSystem, splines: int = SPLINES) -> Ar
     eliminated = np.zeros((size + q, size + q), order="F")
     batch = np.empty((_BATCH * m, size + q))
     for i in range(n):
+        check_cancelled()
         h = rows.by_photo(i)
         Wh = W[i][:, None] * h
         H = product(h.T, Wh) + system.photo_precision[i]

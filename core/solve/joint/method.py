@@ -61,7 +61,7 @@ def joint(
             found = replace(
                 found,
                 photometric=photometric_evidence(one),
-                deviation=_deviation(one, start.model),
+                deviation=_deviation(one, start.model, check_cancelled),
             )
         yield Iteration("refine", found, one.residual, one.step_mm, done, sum(steps))
         del one  # before the next one is made
@@ -109,10 +109,12 @@ def estimate_at(state: State, problem: Problem, start: FaceEstimate) -> FaceEsti
     )
 
 
-def _deviation(last: JointIteration, model: DisplacementModel) -> Array:
+def _deviation(
+    last: JointIteration, model: DisplacementModel, check_cancelled: CheckCancelled
+) -> Array:
     """Standard deviation of the control points, that of the model included."""
     model_error = MIXED_MODEL_ERROR_MM if model.mixed else MODEL_ERROR_MM
-    deviation = np.hypot(last.system.deviation(), model_error)
+    deviation = np.hypot(last.system.deviation(check_cancelled), model_error)
     return deviation.reshape(model.reference.shape)
 
 

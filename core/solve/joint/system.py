@@ -23,6 +23,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from ..._types import Array
 from ...errors import ReconstructionError
+from ...progress import CheckCancelled, never_cancelled
 from .border import Border
 from .coarse_space import CoarseSpace, coarse_space
 from .linearise import Linearisation
@@ -127,9 +128,9 @@ class BorderedSystem:
         smooth, modes = shape.solve(top[0] - force, top[1] - shape.D.T @ force)
         return Step(smooth, modes, z)
 
-    def deviation(self) -> Array:
+    def deviation(self, check_cancelled: CheckCancelled = never_cancelled) -> Array:
         """Standard deviation of the displacement of each control point, ``(M*N,)``."""
-        return displacement_deviation(self)
+        return displacement_deviation(self, check_cancelled=check_cancelled)
 
     @property
     def intensities(self) -> Border:
