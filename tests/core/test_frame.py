@@ -2,21 +2,10 @@
 
 import importlib.util
 import re
-import sys
 import tomllib
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture
-def tool(monkeypatch):
-    """Import a script of tools/ by its name."""
-    monkeypatch.syspath_prepend(str(ROOT / "tools"))
-    monkeypatch.delitem(sys.modules, "build_extension", raising=False)
-    return importlib.import_module
 
 
 def toml(name):
@@ -39,22 +28,6 @@ def test_example_photos_are_there_with_their_licence():
     folder = ROOT / "examples" / "photos"
     assert 24 <= len(list(folder.glob("*.jpg"))) <= 40
     assert "CC0" in (folder / "LICENSE.txt").read_text("utf-8")
-
-
-def test_each_zip_is_for_one_platform_and_one_python(tool):
-    """The two Pythons share no Blender version: two zips never both fit."""
-    build_extension = tool("build_extension")
-    text = (ROOT / "blender_manifest.toml").read_text("utf-8")
-    ends = {}
-    for target in build_extension.all_targets():
-        made = tomllib.loads(build_extension.manifest_for(target, text, ["./w.whl"]))
-        assert made["platforms"] == [target.platform]
-        assert made["id"] == "bsface"
-        ends[target.python] = (
-            made["blender_version_min"],
-            made.get("blender_version_max"),
-        )
-    assert ends["3.11"][1] == ends["3.13"][0]
 
 
 def test_tested_blender_lines_are_pinned():

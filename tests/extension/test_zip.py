@@ -7,6 +7,7 @@ itself, and its copies would win over those in the zip. So Blender is started wi
 all of its packages but these, as an application would be: what runs is the zip.
 """
 
+import importlib
 import json
 import os
 import subprocess
@@ -27,6 +28,23 @@ PHOTOS = ROOT / "examples" / "photos"
 def built() -> Path:
     """The zip for the running platform and Python."""
     return zip_file.built()
+
+
+def test_each_zip_is_for_one_platform_and_one_python(monkeypatch):
+    """The two Pythons share no Blender version: two zips never both fit."""
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    build_extension = importlib.import_module("build_extension")
+    text = (ROOT / "blender_manifest.toml").read_text("utf-8")
+    ends = {}
+    for target in build_extension.all_targets():
+        made = tomllib.loads(build_extension.manifest_for(target, text, ["./w.whl"]))
+        assert made["platforms"] == [target.platform]
+        assert made["id"] == "bsface"
+        ends[target.python] = (
+            made["blender_version_min"],
+            made.get("blender_version_max"),
+        )
+    assert ends["3.11"][1] == ends["3.13"][0]
 
 
 def test_zip_holds_what_runs_and_nothing_else(built):
