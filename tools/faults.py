@@ -14,6 +14,7 @@ or SIGTERM, or a traceback. The short form of it is tests/core/test_faults.py.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import random
 import shutil
@@ -354,10 +355,14 @@ def main() -> int:
         return options.what in (None, kind)
 
     faults = 0
-    if wanted("kill"):
-        print(summary(kill_runs(options.times, options.seed, told)), flush=True)
-    if wanted("batch"):
-        print(summary(kill_batches(few, options.seed, told)), flush=True)
+    runs = (("kill", kill_runs, options.times), ("batch", kill_batches, few))
+    for kind, disturb, times in runs:
+        before = len(found)
+        if wanted(kind):
+            # Ctrl-C ends a long run with the table of what was done.
+            with contextlib.suppress(KeyboardInterrupt):
+                disturb(times, options.seed, told)
+            print(summary(found[before:]), flush=True)
     with tempfile.TemporaryDirectory() as name:
         if wanted("disk"):
             words = [str(photos_in(Path(name) / "photos", 3)), *QUICK]
