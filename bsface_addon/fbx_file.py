@@ -9,14 +9,13 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ..core.errors import ReconstructionError
-from ..core.files import write_bytes
+from ..core.files import temporary_folder, write_bytes
 from ..core.rig.mesh import QuadMesh
 
 ENDING = ".fbx"
@@ -60,8 +59,7 @@ def write_fbx(
     ReconstructionError
         Blender could not write it, or there is no place for the file.
     """
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
+    with temporary_folder() as folder:
         groups = {f"group {key}": found for key, found in mesh.groups.items()}
         keys = {f"key {key}": moved for key, moved in mesh.keys.items()}
         arrays = {"points": mesh.points, "quads": mesh.quads, "uv": mesh.uv}
