@@ -140,9 +140,7 @@ def iterations(problem, estimate, pictures, options):
 
 def first_step(template, prior, surface, views, pictures, expression=0.0):
     """One iteration on analytic pictures, without landmarks."""
-    options = JointOptions(
-        (Level(3.0, 1, 14, 6),), landmark_weight=0, max_step_mm=1e9, tolerance=1e-9
-    )
+    options = JointOptions((Level(3.0, 1, 14, 6),), landmark_weight=0, max_step_mm=1e9)
     problem, estimate = start(template, prior, surface, views, expression)
     (one,) = iterations(problem, estimate, pictures, options)
     return one

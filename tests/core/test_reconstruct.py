@@ -45,9 +45,7 @@ TEMPLATE = load_template()
 # How far two results for the same photos, treated differently, may lie apart: root mean
 # square over the face in mm, at an eye distance of 62 mm.
 SAME = {
-    # Sums in another order, and conjugate gradients that stop at 1e-3; on photographs,
-    # which say more, 1e-9 is left of this.
-    "order": 1e-4,
+    "order": 1e-6,
     "exposure": 0.01,
     "turn": 0.15,
     "shift": 0.2,  # the middle of the picture moves, and with it the perspective

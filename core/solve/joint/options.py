@@ -72,8 +72,9 @@ class JointOptions:
         Steps of the surface that are larger are shortened to this.
     tolerance : float
         Relative residual, in the metric of the photos' blocks, at which the conjugate
-        gradients of a step stop. The next step takes up what is left (inexact Newton
-        steps: Dembo, Eisenstat and Steihaug 1982).
+        gradients of a step stop. So small because what is left of the residual depends
+        on rounding: at 1e-3, with 40 % of the products, six poor photos in another
+        order give a face that is up to 0.5 mm away.
     """
 
     levels: tuple[Level, ...]
@@ -90,7 +91,7 @@ class JointOptions:
     expression_spread: float = 0.7
     camera_damping: float = 1e-6
     max_step_mm: float = 4.0
-    tolerance: float = 1e-3
+    tolerance: float = 1e-9
 
     @classmethod
     def from_settings(cls, settings: Settings) -> JointOptions:
