@@ -161,9 +161,7 @@ def test_wrong_files_are_refused_in_one_sentence(rows, tmp_path):
     with pytest.raises(RuntimeError, match=r"a\.pts"):
         bpy.ops.bsface.landmarks_import(photo="1.png", filepath=str(path))
     with pytest.raises(RuntimeError, match="is a file"):
-        bpy.ops.bsface.landmarks_export(
-            photo="0.png", filepath=str(path / "a.json")
-        )
+        bpy.ops.bsface.landmarks_export(photo="0.png", filepath=str(path / "a.json"))
 
 
 def test_clearing(rows):
