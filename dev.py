@@ -82,12 +82,10 @@ def demo(options: argparse.Namespace) -> int:
 
 
 def test(options: argparse.Namespace) -> int:
-    line = options.blender or main_line()
-    if options.rest:
-        python = environment(line, *GROUPS)
-        return call([python, "-m", "pytest", *options.rest])
     started = time.monotonic()
-    python = environment(line, *GROUPS)
+    python = environment(options.blender or main_line(), *GROUPS)
+    if options.rest:
+        return call([python, "-m", "pytest", *options.rest])
     models(python)
     results = [Result("install", 0, time.monotonic() - started)]
     with tempfile.TemporaryDirectory(prefix="bsface-") as name:
@@ -128,10 +126,10 @@ class Wheel(NamedTuple):
     reference: Path
 
 
-Stages = Callable[[TextIO | None], list[Result]]
-
-
-def _two_at_a_time(first: Stages, second: Stages) -> list[Result]:
+def _two_at_a_time(
+    first: Callable[[TextIO | None], list[Result]],
+    second: Callable[[TextIO | None], list[Result]],
+) -> list[Result]:
     """Run two lists of stages; the second one's output is shown when it is done."""
     with tempfile.TemporaryFile("w+", encoding="utf-8") as log:
         with ThreadPoolExecutor(1) as beside:

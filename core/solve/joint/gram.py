@@ -16,12 +16,19 @@ from ..._types import Array
 
 def gram(A: Array) -> Array:
     """``A^T A`` for ``A`` (p, q) in C order, ``(q, q)``; exactly symmetric."""
-    # BLAS counts columns first, so its upper triangle is our lower one. The other is
-    # filled in place: matrices of this size make the peak of the memory.
+    # BLAS counts columns first, so its upper triangle is our lower one.
     lower = np.asarray(dsyrk(1.0, A.T)).T
-    for i in range(len(lower)):
-        lower[i, i + 1 :] = lower[i + 1 :, i]
+    mirror_lower(lower)
     return lower
+
+
+def mirror_lower(A: Array) -> None:
+    """Write the lower triangle of ``A`` (q, q) into its upper one.
+
+    In place: matrices of this size make the peak of the memory.
+    """
+    for i in range(len(A)):
+        A[i, i + 1 :] = A[i + 1 :, i]
 
 
 def product(A: Array, B: Array) -> Array:

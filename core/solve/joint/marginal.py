@@ -21,7 +21,7 @@ from scipy.linalg.lapack import dpotri
 from ..._types import Array
 from ...progress import CheckCancelled, never_cancelled
 from .coarse_space import smooth_albedo
-from .gram import gram, product
+from .gram import gram, mirror_lower, product
 
 if TYPE_CHECKING:
     from .system import BorderedSystem
@@ -76,8 +76,7 @@ def displacement_deviation(
             part = batch[: (k + 1) * m].T
             eliminated = dsyrk(1.0, part, 1.0, eliminated, overwrite_c=1)
     total = np.negative(eliminated, out=eliminated)
-    for i in range(size + q):
-        total[i + 1 :, i] = total[i, i + 1 :]
+    mirror_lower(total.T)
     total[size:, size:] += gram(np.sqrt((W * s * s).sum(0))[:, None] * F)
     total[size:, size:] += 1e-9 * np.diag(np.diag(total[size:, size:]) + 1.0)
     both = np.zeros((size, q))

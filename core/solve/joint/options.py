@@ -70,11 +70,6 @@ class JointOptions:
         Precision of the step of the other parameters of a camera.
     max_step_mm : float
         Steps of the surface that are larger are shortened to this.
-    tolerance : float
-        Relative residual, in the metric of the photos' blocks, at which the conjugate
-        gradients of a step stop. So small because what is left of the residual depends
-        on rounding: at 1e-3, with 40 % of the products, six poor photos in another
-        order give a face that is up to 0.5 mm away.
     """
 
     levels: tuple[Level, ...]
@@ -91,7 +86,6 @@ class JointOptions:
     expression_spread: float = 0.7
     camera_damping: float = 1e-6
     max_step_mm: float = 4.0
-    tolerance: float = 1e-9
 
     @classmethod
     def from_settings(cls, settings: Settings) -> JointOptions:

@@ -206,7 +206,7 @@ def refine(
             now = work.look(pictures, samples, state, check_cancelled)
             system = assemble(now.rows, now.state, work.terms)
             check_cancelled()
-            step = system.solve(options.tolerance)
+            step = system.solve()
             check_cancelled()
             moved = movement(now.state, step, samples)
             stretch, last = relaxation(moved, last), moved

@@ -31,6 +31,11 @@ from .marginal import displacement_deviation
 from .shape_block import ShapeBlock
 from .state import State, Step
 
+#: Relative residual at which the conjugate gradients stop, in the metric of the photos'
+#: blocks.  So small because what is left of the residual depends on rounding: at 1e-3,
+#: with 40 % of the products, six poor photos in another order give a face that is up to
+#: 0.5 mm away.
+TOLERANCE = 1e-9
 #: Far more steps than any system has needed.
 MOST_STEPS = 2000
 
@@ -88,13 +93,8 @@ class BorderedSystem:
         """Add between displacement and motion of photo ``i``, ``(M*N, 7 + e)``."""
         self.coupling[:, i] += coupling
 
-    def solve(self, tolerance: float) -> Step:
+    def solve(self) -> Step:
         """The step.
-
-        Parameters
-        ----------
-        tolerance : float
-            Relative residual at which the conjugate gradients stop.
 
         Raises
         ------
@@ -114,7 +114,7 @@ class BorderedSystem:
         y, failed = cg(
             LinearOperator((size, size), multiply, dtype=float),
             _apply(whiten, right).ravel(),
-            rtol=tolerance,
+            rtol=TOLERANCE,
             maxiter=MOST_STEPS,
             M=LinearOperator((size, size), coarse.precondition, dtype=float),
         )

@@ -183,7 +183,7 @@ def imls(
             now = work.look(pictures, samples, state, check_cancelled)
             with singular_reported():
                 system = motion_system(now, samples, work.terms)
-                step = system.solve(options.tolerance)
+                step = system.solve()
             moved = movement(now.state, step, samples)
             state, size = take_step(now.state, step, moved, options.max_step_mm)
             done += 1
