@@ -12,6 +12,7 @@ from bsface.images.photo import Photo
 from bsface.photometry.lighting import (
     photo_noise,
     robust_weights,
+    shading_of,
     solve_albedo,
     solve_lights,
 )
@@ -133,10 +134,10 @@ class EqualWeights:
             total = np.maximum(view.sum(0), 1e-9)
             albedo = np.clip((view * values).sum(0) / total, 0.05, 5.0)
             rounds = FIRST_ROUNDS
-        Y = np.broadcast_to(seen.harmonics, (len(values), *seen.harmonics.shape[-2:]))
+        Y = seen.harmonics
         for _ in range(rounds):
             lights = solve_lights(values, view, Y, albedo, self.ridge)
-            s = np.einsum("ik,ipk->ip", lights, Y)
+            s = shading_of(lights, Y)
             albedo = solve_albedo(values, view, s)
         residual = values - albedo * s
         noise = photo_noise(view, residual, self.noise)

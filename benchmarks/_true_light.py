@@ -19,6 +19,7 @@ from bsface.photometry.lighting import (
     estimate_lighting,
     photo_noise,
     robust_weights,
+    shading_of,
     solve_albedo,
     solve_lights,
 )
@@ -124,13 +125,13 @@ class HeldShading:
             self.known[level] = self.shading_on(samples.uv, level)
         true, values = self.known[level], seen.values
         view = seen.view * samples.area
-        Y = np.broadcast_to(seen.harmonics, (len(values), *seen.harmonics.shape[-2:]))
+        Y = seen.harmonics
         first = not state.lights.any()
         found = true.lights if self.lights or first else state.lights
         albedo = state.albedo
         if self.albedo or bool((albedo == 1).all()):
             albedo = true.albedo
-        s = np.einsum("ik,ipk->ip", found, Y)
+        s = shading_of(found, Y)
         for _ in range(ALTERNATIONS):
             W = robust_weights(view, values - albedo * s, options.noise)
             if self.lights:
@@ -139,7 +140,7 @@ class HeldShading:
                 found = found * (top / np.maximum(down, 1e-9))[:, None]
             else:
                 found = solve_lights(values, W, Y, albedo, options.light_ridge)
-            s = np.einsum("ik,ipk->ip", found, Y)
+            s = shading_of(found, Y)
             if not self.albedo:
                 albedo = solve_albedo(values, W, s)
         r = values - albedo * s

@@ -92,7 +92,7 @@ def estimate_lighting(
         Intensities over the median of their photo.
     view : (n, p) array
         Visibility weights.
-    Y : (p, k) or (n, p, k) array
+    Y : (p, k), (1, p, k) or (n, p, k) array
         Harmonics of the normals, of all photos or of each.
     lights, albedo : (n, k), (p,) arrays
         Start; lights of zeros mean that nothing is known yet.
@@ -115,12 +115,12 @@ def estimate_lighting(
         seen = np.maximum(view.sum(0), 1e-9)
         albedo = np.clip((view * values).sum(0) / seen, 0.05, 5.0)
         rounds += 4
-    Y = np.broadcast_to(Y, (len(lights), *Y.shape[-2:]))
-    residual = values - albedo * np.einsum("ik,ipk->ip", lights, Y)
+    Y = Y.reshape(-1, *Y.shape[-2:])
+    residual = values - albedo * shading_of(lights, Y)
     W = view if not lights.any() else robust_weights(view, residual, noise)
     for _ in range(rounds):
         lights = solve_lights(values, W, Y, albedo, ridge)
-        s = np.einsum("ik,ipk->ip", lights, Y)
+        s = shading_of(lights, Y)
         albedo = solve_albedo(values, W, s)
         residual = values - albedo * s
         W = robust_weights(view, residual, noise)
@@ -132,18 +132,27 @@ def solve_lights(
 ) -> Array:
     """The light of each photo for a known albedo, ``(n, k)``.
 
-    Arguments as in `estimate_lighting`, ``Y`` (n, p, k) and ``W`` the robust weights;
-    ``ridge`` may be one of each harmonic, (k,).
+    Arguments as in `estimate_lighting`, ``Y`` (1, p, k) or (n, p, k) and ``W`` the
+    robust weights; ``ridge`` may be one of each harmonic, (k,).
     """
-    n, _, order = Y.shape
+    n, order = len(values), Y.shape[2]
     lights = np.empty((n, order))
+    design = albedo[:, None] * Y[0]
     for i in range(n):
-        design = albedo[:, None] * Y[i]
+        if i and len(Y) > 1:
+            design = albedo[:, None] * Y[i]
         A = design.T @ (W[i][:, None] * design)
         scale = np.trace(A) / order + 1e-9
         A += scale * ridge * np.eye(order)
         lights[i] = np.linalg.solve(A, design.T @ (W[i] * values[i]))
     return lights
+
+
+def shading_of(lights: Array, Y: Array) -> Array:
+    """Shading by lights (n, k) and harmonics (1, p, k) or (n, p, k), ``(n, p)``."""
+    if len(Y) == 1:
+        return lights @ Y[0].T
+    return np.matmul(Y, lights[..., None])[..., 0]
 
 
 def solve_albedo(values: Array, W: Array, shading: Array) -> Array:

@@ -27,7 +27,7 @@ from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface
 from ..surface.template import Template
 from . import harmonics
-from .lighting import robust_weights, solve_albedo, solve_lights
+from .lighting import robust_weights, shading_of, solve_albedo, solve_lights
 from .sampling import smooth_photo, view_weights
 
 GRID = 48  #: samples on a side of the parameter square
@@ -201,7 +201,8 @@ def _colours(
     seen = view > 0
     known = (view > GRAZING) & middle & even
     values /= exposure
-    Y = np.stack([harmonics.basis(face.normals(*uv.T)) for face in own])
+    different = own[:1] if shared else own
+    Y = np.stack([harmonics.basis(face.normals(*uv.T)) for face in different])
     skin = known.astype(float)
     albedo = np.ones(values.shape[1:])
     shading = np.zeros_like(values)
@@ -236,7 +237,7 @@ def _relight(
     s = np.ones_like(values)
     for _ in range(LIGHT_ROUNDS):
         lights = solve_lights(values, W, Y, albedo, RIDGE)
-        s = np.clip(np.einsum("ik,ipk->ip", lights, Y), *SHADING)
+        s = np.clip(shading_of(lights, Y), *SHADING)
         W = robust_weights(trusted, values - albedo * s, NOISE)
     return solve_albedo(values, W, s), s
 
@@ -275,22 +276,45 @@ def _mask(photo: Photo, camera: Camera, colours: _Colours, i: int) -> SkinMask:
     )
     scale /= shrink
     h, w = small.shape[:2]
-    at = _original_pixels((h, w), (x0, y0, scale))
-    distance, nearest = cKDTree(xy / camera.s).query(at / camera.s, k=NEIGHBOURS)
+    light, inner = _expected((h, w), (x0, y0, scale), camera, colours, i)
+    colour = np.log(np.maximum(small, BLACK)) - light
+    skin = np.where(inner, 1.0, _likeness(colour @ OPPONENT, colours.spread))
+    skin = skin.astype(np.float32)
+    # Softened inwards: a pixel beside hair is part hair.
+    sigma = max(SOFT_MM * camera.s * scale, 0.3)
+    skin = 2 * cv2.GaussianBlur(skin, (0, 0), sigma) - 1
+    return SkinMask(np.clip(skin, 0, 1).astype(np.float32), (x0, y0, scale))
+
+
+def _expected(
+    shape: tuple[int, int],
+    window: tuple[float, float, float],
+    camera: Camera,
+    colours: _Colours,
+    i: int,
+) -> tuple[Array32, Mask]:
+    """What skin would show (h, w, 3), and what is the middle of the face, (h, w).
+
+    Both are smooth, so they are looked up at half the resolution of the mask.
+    """
+    h, w = shape
+    x0, y0, scale = window
+    half = (h + 1) // 2, (w + 1) // 2
+    seen = colours.seen[i]
+    at = _original_pixels(half, (x0, y0, scale / 2))
+    tree = cKDTree(colours.xy[i, seen] / camera.s)
+    distance, nearest = tree.query(at / camera.s, k=NEIGHBOURS)
     # Beyond all samples the nearest ones decide.
     weight = np.exp(-0.5 * (distance / NEAR_MM) ** 2)
     weight += 1e-12 / np.square(np.square(1 + distance))
     weight /= weight.sum(1, keepdims=True)
     shading = np.einsum("pk,pkc->pc", weight, colours.shading[i, seen][nearest])
-    inner = np.einsum("pk,pk->p", weight, colours.middle[seen][nearest]) > 0.5
-    inner &= distance[:, 0] < NEAR_MM
-    colour = np.log(np.maximum(small.reshape(-1, 3), BLACK)) - shading
-    skin = np.where(inner, 1.0, _likeness(colour @ OPPONENT, colours.spread))
-    skin = skin.reshape(h, w).astype(np.float32)
-    # Softened inwards: a pixel beside hair is part hair.
-    sigma = max(SOFT_MM * camera.s * scale, 0.3)
-    skin = 2 * cv2.GaussianBlur(skin, (0, 0), sigma) - 1
-    return SkinMask(np.clip(skin, 0, 1).astype(np.float32), (x0, y0, scale))
+    inner = np.einsum("pk,pk->p", weight, colours.middle[seen][nearest])
+    inner[distance[:, 0] >= NEAR_MM] = 0
+    both = np.concatenate([shading, inner[:, None]], 1).reshape(*half, 4)
+    both = cv2.resize(both.astype(np.float32), None, fx=2, fy=2)[:h, :w]
+    both = np.asarray(both, np.float32)
+    return both[..., :3], both[..., 3] > 0.5
 
 
 def _samples(template: Template) -> Array:

@@ -51,10 +51,11 @@ class Border:
         T, c, V = self.rows.samples.T, self.rows.by_displacement, self.V
         total = sparse.csr_array((T[0].shape[1],) * 2)
         for a in range(3):
-            for b in range(3):
+            for b in range(a + 1):
                 A = np.einsum("ip,ip->p", V[a], c[b])
                 A -= self.share[a] * self.share[b] * self.den
-                total += self._upright[a] @ sparse.diags_array(A) @ T[b]
+                part = self._upright[a] @ sparse.diags_array(A) @ T[b]
+                total += part if a == b else part + part.T
         return total
 
     def right(self) -> tuple[Array, Array]:

@@ -182,14 +182,25 @@ class Linearisation(NamedTuple):
     shading: Array
     albedo_precision: float = 0.0
 
-    def by_photo(self, i: int, every: int = 1) -> Array:
-        """``h_i``: derivative by the parameters of photo ``i``, ``(p, m)``.
-
-        With ``every`` > 1 only each of that many samples.
-        """
+    def by_photo(self, i: int) -> Array:
+        """``h_i``: derivative by the parameters of photo ``i``, ``(p, m)``."""
         Y = self.harmonics[i if len(self.harmonics) > 1 else 0]
-        light = -self.albedo[::every, None] * Y[::every]
-        return np.concatenate([self.by_motion[i, ::every], light], 1)
+        return np.concatenate([self.by_motion[i], -self.albedo[:, None] * Y], 1)
+
+    def thinned(self, every: int) -> Linearisation:
+        """One of ``every`` samples, with the precision of as many."""
+        samples = self.samples
+        return Linearisation(
+            samples._replace(uv=samples.uv[::every], T=[t[::every] for t in samples.T]),
+            self.residual[:, ::every],
+            every * self.precision[:, ::every],
+            self.by_displacement[:, :, ::every],
+            self.by_motion[:, ::every],
+            self.harmonics[:, ::every],
+            self.albedo[::every],
+            self.shading[:, ::every],
+            self.albedo_precision * every,
+        )
 
     def change(self, z: Array) -> Array:
         """``h_i z_i``: change of the residuals (n, p) by photo parameters (n, m)."""

@@ -19,6 +19,7 @@ from ...images.photo import Photo
 from ...photometry.sampling import smooth_photo, view_weights
 from ...photometry.skin import SkinMask
 from ...progress import CheckCancelled
+from .coarse_space import coarse_directions
 from .linearise import (
     Linearisation,
     Picture,
@@ -202,11 +203,14 @@ def refine(
         state = state.at_level(len(samples.uv), level.degree)
         pictures = work.pictures(state, level, check_cancelled)
         last: Array | None = None
+        directions: Array | None = None
         for turn in range(1, level.iterations + 1):
             now = work.look(pictures, samples, state, check_cancelled)
             system = assemble(now.rows, now.state, work.terms)
             check_cancelled()
-            step = system.solve()
+            if directions is None:
+                directions = coarse_directions(system)
+            step = system.solve(directions)
             check_cancelled()
             moved = movement(now.state, step, samples)
             stretch, last = relaxation(moved, last), moved

@@ -25,17 +25,17 @@ from ..._types import Array
 from ...errors import ReconstructionError
 from ...progress import CheckCancelled, never_cancelled
 from .border import Border
-from .coarse_space import CoarseSpace, coarse_space
+from .coarse_space import coarse_directions, coarse_space
 from .linearise import Linearisation
 from .marginal import displacement_deviation
 from .shape_block import ShapeBlock
 from .state import State, Step
 
 #: Relative residual at which the conjugate gradients stop, in the metric of the photos'
-#: blocks.  So small because what is left of the residual depends on rounding: at 1e-3,
-#: with 40 % of the products, six poor photos in another order give a face that is up to
-#: 0.5 mm away.
-TOLERANCE = 1e-9
+#: blocks.  So small because what is left of the residual depends on rounding: six poor
+#: photos in another order give a face that is 1e-6 mm away, but 0.1 mm at 1e-4, where
+#: now and then a coarse level ends a step earlier.
+TOLERANCE = 1e-7
 #: Far more steps than any system has needed.
 MOST_STEPS = 2000
 
@@ -93,8 +93,14 @@ class BorderedSystem:
         """Add between displacement and motion of photo ``i``, ``(M*N, 7 + e)``."""
         self.coupling[:, i] += coupling
 
-    def solve(self) -> Step:
+    def solve(self, directions: Array | None = None) -> Step:
         """The step.
+
+        Parameters
+        ----------
+        directions : (n, m, q) array, optional
+            For the preconditioner: the `coarse_directions` of this system, or of one
+            that is like it; by default its own.
 
         Raises
         ------
@@ -104,7 +110,10 @@ class BorderedSystem:
         state, shape = self.state, self.shape
         top = shape.right(self.right, state)
         right = self.photo_right - self._to_photos(shape.solve(*top))
-        whiten, coarse = self._whitening, self._coarse
+        whiten = self.whitening
+        if directions is None:
+            directions = coarse_directions(self)
+        coarse = coarse_space(self, directions)
         size = right.size
 
         def multiply(y: Array) -> Array:
@@ -128,6 +137,14 @@ class BorderedSystem:
         smooth, modes = shape.solve(top[0] - force, top[1] - shape.D.T @ force)
         return Step(smooth, modes, z)
 
+    def thinned(self, every: int) -> BorderedSystem:
+        """The same system with one of ``every`` samples, which count as many times."""
+        thin = BorderedSystem(self.state)
+        thin.precision, thin.coupling = self.precision, self.coupling
+        thin.photo_precision = self.photo_precision
+        thin.border = Border(self.intensities.rows.thinned(every))
+        return thin
+
     def deviation(self, check_cancelled: CheckCancelled = never_cancelled) -> Array:
         """Standard deviation of the displacement of each control point, ``(M*N,)``."""
         return displacement_deviation(self, check_cancelled=check_cancelled)
@@ -147,7 +164,7 @@ class BorderedSystem:
         )
 
     @cached_property
-    def _whitening(self) -> Array:
+    def whitening(self) -> Array:
         """``L_i^-1`` of the Cholesky factor of each photo's block, (n, m, m)."""
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.own)), float)
 
@@ -155,10 +172,6 @@ class BorderedSystem:
     def own(self) -> Array:
         """Block of each photo for a known albedo, ``(n, m, m)``."""
         return self.intensities.photo_blocks + self.photo_precision
-
-    @cached_property
-    def _coarse(self) -> CoarseSpace:
-        return coarse_space(self.intensities, self.photo_precision, self._whitening)
 
     def _schur(self, z: Array) -> Array:
         """Product with the Schur complement of the photos, ``(n, m)``."""

@@ -41,6 +41,7 @@ from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from ...settings import Settings
 from ..joint.block_banded import block_cholesky
+from ..joint.coarse_space import coarse_directions
 from ..joint.gram import gram
 from ..joint.linearise import (
     Linearisation,
@@ -173,6 +174,7 @@ def imls(
         samples = sample_surface(state, level, options.shadows)
         state = state.at_level(len(samples.uv), level.degree)
         pictures = work.pictures(state, level, check_cancelled)
+        directions: Array | None = None
         for turn in range(1, level.iterations + 1):
             now = work.look(pictures, samples, state, check_cancelled)
             with singular_reported():
@@ -183,7 +185,9 @@ def imls(
             now = work.look(pictures, samples, state, check_cancelled)
             with singular_reported():
                 system = motion_system(now, samples, work.terms)
-                step = system.solve()
+                if directions is None:
+                    directions = coarse_directions(system)
+                step = system.solve(directions)
             moved = movement(now.state, step, samples)
             state, size = take_step(now.state, step, moved, options.max_step_mm)
             done += 1
