@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ..core._types import Array
     from ..core.progress import Progress, Step
 
 
@@ -32,6 +33,8 @@ class Job:
     ----------
     step : Step or None
         The newest report of the core.
+    control_points : array or None
+        The newest that came with a report.
     result, error : object
         Set when `finished`: exactly one of them unless the job was cancelled.
     trace : str
@@ -42,6 +45,7 @@ class Job:
         self, work: Callable[[Progress], object], cancelled: type[Exception]
     ) -> None:
         self.step: Step | None = None
+        self.control_points: Array | None = None
         self.result: object = None
         self.error: BaseException | None = None
         self.trace = ""
@@ -68,6 +72,8 @@ class Job:
             news = True
             if kind == "step":
                 self.step = value
+                if value.control_points is not None:
+                    self.control_points = value.control_points
             else:
                 self.finished = True
                 if kind == "result":

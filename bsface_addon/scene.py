@@ -12,7 +12,9 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
+from ..core._types import Array
 from ..core.errors import ReconstructionError
 from . import (
     cameras,
@@ -83,8 +85,8 @@ def place(
         fresh = face is None
         if fresh:
             face = surface_object.create(context, name, points, scale)
+            face.location.x = _free_place(context, *_extent(face))
             face[MARK] = True
-            face.location.x = _free_place(context, face)
             own = _collection(context, face)
             _move(face, own)
         else:
@@ -106,6 +108,27 @@ def place(
         leave_edit_mode(context)
         select_only(context, face)
     return face
+
+
+def frame_of_new(
+    context: bpy.types.Context, control_points: Array, scale: float
+) -> Matrix:
+    """From the core's axes and millimetres to the scene, for a face before `place`.
+
+    Parameters
+    ----------
+    control_points : (M, N, 3) array
+    scale : float
+        As in `place`.
+    """
+    unit = surface_object.units_per_mm(context, scale)
+    x = unit * control_points[..., 0]
+    place = _free_place(context, float(x.min()), float(x.max()))
+    return (
+        Matrix.Translation((place, 0, 0))
+        @ surface_object.UPRIGHT
+        @ Matrix.Scale(unit, 4)
+    )
 
 
 def faces(context):
@@ -197,12 +220,11 @@ def leave_edit_mode(context):
         bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def _free_place(context: bpy.types.Context, face: bpy.types.Object) -> float:
-    """Where along x a new face stands clear of the others; 0 for the first."""
-    ends = [_extent(other) for other in faces(context) if other != face]
+def _free_place(context: bpy.types.Context, left: float, right: float) -> float:
+    """Where along x a face of this extent is clear of the others; 0 for the first."""
+    ends = [_extent(other) for other in faces(context)]
     if not ends:
         return 0.0
-    left, right = _extent(face)
     return max(end for _, end in ends) - left + 0.2 * (right - left)
 
 

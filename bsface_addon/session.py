@@ -1,7 +1,7 @@
 """What lives from enabling the add-on to disabling it, and is in no file.
 
-One object, made by `register`: the solver, the job that runs and its timer. A file can
-so never come up with a locked panel.
+One object, made by `register`: the solver, the job that runs, its timer and what is
+drawn of it. A file can so never come up with a locked panel.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ..core.errors import Cancelled
+from .estimate_overlay import Overlay
 from .job import Job
 from .solving import Solver
 
@@ -31,12 +32,15 @@ class Session:
     timer : bpy.types.Timer or None
         Of that job; here and not on its operator, because Blender drops the operator
         without a word when the add-on is disabled.
+    overlay : Overlay
+        Draws the face as that job has it so far.
     """
 
     def __init__(self, solver: Solver | None = None) -> None:
         self.solver = solver or Solver()
         self.job: Job | None = None
         self.timer: bpy.types.Timer | None = None
+        self.overlay = Overlay()
 
     def start(self, work: Callable[[Progress], object]) -> Job:
         """Start the job; there must be none."""
@@ -72,5 +76,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """End the session's job; its timer is the caller's (`operators.running.end`)."""
+    """End the session's job; the rest is the caller's (`operators.running.end`)."""
     _session.stop()

@@ -66,6 +66,22 @@ def show(context, face):
             bpy.ops.view3d.view_selected()
 
 
+def look_at_front(context: bpy.types.Context, middle: Vector, extent: float) -> None:
+    """Turn the window's 3D views as `look_at`."""
+    for area in context.window.screen.areas:
+        if area.type == "VIEW_3D":
+            view = area.spaces.active.region_3d
+            if view.view_perspective == "CAMERA":
+                view.view_perspective = "PERSP"
+            look_at(view, middle, extent)
+
+
+def look_at(view: bpy.types.RegionView3D, middle: Vector, extent: float) -> None:
+    """Turn a 3D view to the front of what reaches ``extent`` round a point."""
+    view.view_location, view.view_distance = middle, 3 * extent
+    view.view_rotation = FRONT_VIEW
+
+
 def light_views(context, kind):
     """Let a map show in solid views: the skin bright, measured values as they are.
 
@@ -127,9 +143,7 @@ def present(context, face):
         for area in screen.areas:
             if area.type == "VIEW_3D":
                 space = area.spaces.active
-                space.region_3d.view_location = middle
-                space.region_3d.view_distance = 3 * extent
-                space.region_3d.view_rotation = FRONT_VIEW
+                look_at(space.region_3d, middle, extent)
                 space.shading.color_type = "TEXTURE"
                 _light(space.shading, *SKIN_LIGHT)
     views = cameras.of_face(face)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+
+from ._types import Array
 
 STAGES = ("photos", "landmarks", "motion", "shading", "refine", "output")
 
@@ -23,6 +25,9 @@ class Step:
         Fraction in [0, 1] of the job that the reporting function does.
     message : str
         One line for people, such as ``"face found in 003.jpg"``.
+    control_points : (M, N, 3) array or None
+        The face as it is estimated so far, in mm, in the frame and size of results;
+        None where this piece of work has not changed it.
     """
 
     stage: str
@@ -30,6 +35,7 @@ class Step:
     total: int
     overall: float
     message: str
+    control_points: Array | None = field(default=None, compare=False, repr=False)
 
 
 Progress = Callable[[Step], None]
@@ -81,15 +87,27 @@ class Clock:
         tell = self.progress
         return lambda step: tell(replace(step, overall=step.overall * ENDS[stage]))
 
-    def tell(self, stage: str, done: int, total: int, message: str) -> None:
-        """Report ``done`` of ``total`` pieces of a stage."""
+    def tell(
+        self,
+        stage: str,
+        done: int,
+        total: int,
+        message: str,
+        face: Callable[[], Array] | None = None,
+    ) -> None:
+        """Report ``done`` of ``total`` pieces of a stage.
+
+        ``face`` makes the control points of the report; it is called where somebody
+        listens.
+        """
         if self.progress is None:
             return
         names = list(ENDS)
         k = names.index(stage)
         low = ENDS[names[k - 1]] if k else 0.0
         overall = low + (ENDS[stage] - low) * done / max(total, 1)
-        self.newest = Step(stage, done, total, overall, message)
+        known = None if face is None else face()
+        self.newest = Step(stage, done, total, overall, message, known)
         self.progress(self.newest)
 
     def check_cancelled(self) -> None:

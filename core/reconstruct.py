@@ -9,9 +9,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from ._types import Array32
+from ._types import Array, Array32
 from .errors import memory_reported
 from .finish import finish
 from .kinds import CALLBACK, expect
@@ -27,6 +28,8 @@ from .solve.joint.method import joint
 from .solve.motion import motion
 from .solve.paper.as_printed import paper
 from .solve.paper.imls import imls
+from .surface.alignment import head_frame
+from .surface.bspline import BSplineSurface
 from .threads import one_blas_thread
 
 logger = logging.getLogger(__name__)
@@ -127,18 +130,21 @@ def solve(problem: Problem, clock: Clock | None = None) -> Reconstruction:
     for iteration in motion(problem, clock.check_cancelled):
         history.append(HistoryEntry.of(iteration))
         estimate = iteration.estimate
-    clock.tell("motion", 1, 1, "poses and landmarks estimated")
+    face = partial(as_result, problem, estimate.surface)
+    clock.tell("motion", 1, 1, "poses and landmarks estimated", face)
     clock.lap("motion")
     name = problem.settings.method
     if name in ("joint", "imls") and len(problem.photos) < FEWEST_FOR_SHADING:
         name = "motion"
     estimate = constrained(problem, select_neutral(problem, estimate))
-    clock.tell("refine", 0, 1, "measuring light and shape")
+    face = partial(as_result, problem, estimate.surface)
+    clock.tell("refine", 0, 1, "measuring light and shape", face)
     for iteration in METHODS[name](problem, estimate, clock.check_cancelled):
         history.append(HistoryEntry.of(iteration))
         estimate = iteration.estimate
         moved = f"{iteration.stage}: the surface moved {iteration.step_mm:.2f} mm"
-        clock.tell("refine", iteration.done, iteration.total, moved)
+        face = partial(as_result, problem, estimate.surface)
+        clock.tell("refine", iteration.done, iteration.total, moved, face)
     if problem.constraint is None:
         # The method has measured the expressions again.
         estimate = move_to_neutral(problem, estimate)
@@ -159,3 +165,9 @@ def constrained(problem: Problem, estimate: FaceEstimate) -> FaceEstimate:
     surface = hold(estimate.surface, target, problem.constraint, problem.prior)
     moved = surface.vector - estimate.surface.vector
     return replace(estimate, surface=surface, smooth=estimate.smooth + moved)
+
+
+def as_result(problem: Problem, surface: BSplineSurface) -> Array:
+    """Control points of an estimate in the frame and size of results, (M, N, 3) mm."""
+    move = head_frame(surface, problem.template, problem.settings.eye_distance_mm)
+    return surface.transformed(move.scale, move.R, move.t).control_points

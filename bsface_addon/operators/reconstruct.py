@@ -83,10 +83,13 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
             left_out += photo_list.ignored(state)
         return request.from_panel(state, photos, self.name, changes, ignore=left_out)
 
+    def updated(self, context):
+        separate = self.separate or context.scene.bsface.separate
+        return None if separate else scene.active_face(context)
+
     def deliver(self, context, request, outcome):
         state = context.scene.bsface
-        separate = self.separate or state.separate
-        face = None if separate else scene.active_face(context)
+        face = self.updated(context)
         fresh = face is None
         face = apply_result(
             context,

@@ -2,7 +2,8 @@
 
 `LongOperator` is mixed into operators that define ``prepare(context)`` -> request and
 ``deliver(context, request, outcome)``, both on the main thread, and ``work(solver,
-request, progress)``, a static function of core code only.
+request, progress)``, a static function of core code only.  Where the core reports the
+face as it is so far, the views show it (`estimate_overlay`).
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ...core.errors import ReconstructionError, out_of_memory
-from .. import cameras, messages, session
+from .. import cameras, messages, scene, session, showing, surface_object
+from ..estimate_overlay import extent
 
 if TYPE_CHECKING:
     from ...core.progress import Progress
@@ -32,6 +34,10 @@ class LongOperator:
     def work(solver: Solver, request: Request, progress: Progress | None) -> Outcome:
         """What the thread does."""
         return solver.solve(request, progress)
+
+    def updated(self, context: bpy.types.Context) -> bpy.types.Object | None:
+        """The face that the result goes into; None for a new one."""
+        return None
 
     # Whether the user has left everything alone since the job began; otherwise the
     # result must not take selection, mode and view away.
@@ -60,7 +66,7 @@ class LongOperator:
         now = session.current()
         # The thread gets the function and the request, not the operator.
         now.start(functools.partial(type(self).work, now.solver, self._request))
-        self._before = footprint(context)
+        self._before, self._views = footprint(context), []
         begin(context)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -77,10 +83,12 @@ class LongOperator:
         if running.cancelled:
             # The worker stops at its next report; nobody waits for it.
             end(context)
+            self.put_views_back(context)
             self.report({"INFO"}, messages.CANCELLED)
             return {"CANCELLED"}
         if running.poll():
             show_progress(context, running)
+            self.show_estimate(context, running)
         if not running.finished:
             return {"PASS_THROUGH"}
         end(context)
@@ -90,9 +98,33 @@ class LongOperator:
                 raise running.error
             self.deliver(context, self._request, running.result)
         except Exception as error:
+            self.put_views_back(context)
             return self.failed(context, error, running.trace or traceback.format_exc())
         redraw(context)
         return {"FINISHED"}
+
+    def show_estimate(self, context: bpy.types.Context, running: Job) -> None:
+        """Draw the face as the job has it so far, where the result will be."""
+        points, overlay = running.control_points, session.current().overlay
+        if points is None:
+            return
+        face, first = self.updated(context), overlay.estimate is None
+        if face is None:
+            frame = scene.frame_of_new(context, points, context.scene.bsface.size)
+        else:
+            frame = surface_object.world_frame(face)
+        overlay.show(context, points, frame)
+        if first and face is None and footprint(context) == self._before:
+            # Views of a new file show metres; the face would be a dot in them.
+            self._views = [cameras.view_state(view) for view in cameras.views(context)]
+            showing.look_at_front(context, *extent(points, frame))
+            self._before = footprint(context)
+
+    def put_views_back(self, context: bpy.types.Context) -> None:
+        """Where there is no result: look from where the user did, if nobody moved."""
+        if self._views and footprint(context) == self._before:
+            for view, then in zip(cameras.views(context), self._views, strict=True):
+                cameras.set_view(view, then)
 
     def cancel(self, context):
         """Blender stops the operator: another file is loaded, or it quits."""
@@ -140,6 +172,7 @@ def end(context: bpy.types.Context) -> None:
     """Forget the job and take its progress off the screen; fine where none runs."""
     now = session.current()
     now.stop()
+    now.overlay.clear(context)
     if now.timer is None:
         return
     manager = context.window_manager

@@ -93,8 +93,11 @@ class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator
             constraint=None if held is None else Constraint(held, self.softness),
         )
 
+    def updated(self, context):
+        return scene.active_face(context)
+
     def deliver(self, context, request, outcome):
-        face = scene.active_face(context)
+        face = self.updated(context)
         if face is None:
             raise ReconstructionError(messages.NO_FACE_OBJECT)
         apply_result(context, request, outcome, face=face, select=self.undisturbed)

@@ -260,8 +260,12 @@ def test_own_templates(drawn):
 
 
 def test_same_photos_give_the_same_bits(drawn, result):
+    """Also where somebody listens, who gets faces that he cannot change."""
     photos, marks = drawn
-    again = reconstruct(photos, QUICK, landmarks=marks)
+    steps = []
+    again = reconstruct(photos, QUICK, landmarks=marks, progress=steps.append)
+    heard = [s.control_points for s in steps if s.control_points is not None]
+    assert len(heard) >= 3 and not any(face.flags.writeable for face in heard)
     assert np.array_equal(again.surface.control_points, result.surface.control_points)
     assert again.reports == result.reports
 
@@ -495,7 +499,7 @@ def test_landmarks_that_are_no_numbers_cost_only_their_photo(drawn, value):
 def test_progress_rises_to_one(drawn, settings):
     photos, marks = drawn
     steps = []
-    reconstruct(photos[:3], settings, landmarks=marks, progress=steps.append)
+    made = reconstruct(photos[:3], settings, landmarks=marks, progress=steps.append)
     overall = [step.overall for step in steps]
     assert overall == sorted(overall)
     assert overall[0] >= 0
@@ -506,6 +510,13 @@ def test_progress_rises_to_one(drawn, settings):
         assert step.message
     order = list(dict.fromkeys(step.stage for step in steps))
     assert order == [stage for stage in STAGES if stage in order]
+    # The face so far, in the size and place of the result; at last the result itself.
+    faces = [step.control_points for step in steps if step.control_points is not None]
+    for face in faces:
+        assert face.shape == (*made.surface.shape, 3)
+        eyes = eye_centres(BSplineSurface(face), made.template)
+        assert np.allclose(sum(eyes), 0, atol=1e-6)
+    assert np.allclose(faces[-1], made.surface.control_points, atol=1e-6)
 
 
 def test_cancel_at_any_stage(drawn):
