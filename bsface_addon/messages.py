@@ -68,7 +68,7 @@ FOUND = "Faces found in {found} of {photos}"
 FACES = "This photo shows {count} faces; Edit Landmarks shows which one is taken"
 MOVED = "{count} landmarks were moved"
 NO_CAMERA_OF = "No camera belongs to {name!r}; photos that were left out have none"
-NO_PHOTO_VIEW = "Not looking through a photo"
+NO_PHOTO_VIEW = "No photo: free view"
 LIGHT_UNSEEN = (
     "Solid shading does not show lights: choose Rendered, or Material Preview with "
     "Scene Lights"

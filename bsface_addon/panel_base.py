@@ -10,6 +10,8 @@ from . import photo_stage, scene
 # Of the interface's text; and what borders, an icon and the scroll bar take.
 POINTS = 11
 MARGIN = 70
+# Two buttons with words in a row need this width of the sidebar, in points.
+ROOMY = 280
 
 
 class BSFacePanel:
@@ -38,11 +40,11 @@ def paragraph(
     context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon="NONE"
 ) -> None:
     """Text wrapped to the sidebar's width."""
-    room = _width(context) - MARGIN - (0 if icon == "NONE" else 35)
+    room = width(context) - MARGIN - (0 if icon == "NONE" else 35)
     lines, line = [], ""
     for word in text.split():
         longer = f"{line} {word}".lstrip()
-        if line and _measured(longer) > room:
+        if line and measured(longer) > room:
             lines.append(line)
             longer = word
         line = longer
@@ -61,22 +63,27 @@ def shortened(context: bpy.types.Context, text: str, taken: float) -> str:
     taken : float
         Width of what else stands in the row, in points.
     """
-    room = _width(context) - taken
-    if _measured(text) <= room:
+    room = width(context) - taken
+    if measured(text) <= room:
         return text
     for start in range(1, len(text) - 4):
-        if _measured(f"\N{HORIZONTAL ELLIPSIS}{text[start:]}") <= room:
+        if measured(f"\N{HORIZONTAL ELLIPSIS}{text[start:]}") <= room:
             break
     return f"\N{HORIZONTAL ELLIPSIS}{text[start:]}"
 
 
-def _width(context: bpy.types.Context) -> float:
+def is_narrow(context: bpy.types.Context) -> bool:
+    """Whether two buttons with words stand below each other."""
+    return width(context) < ROOMY
+
+
+def width(context: bpy.types.Context) -> float:
     """Of the sidebar, in points."""
     scale = context.preferences.system.ui_scale or 1.0  # 0 without a window
     return (context.region.width if context.region else 300) / scale
 
 
-def _measured(text: str) -> float:
+def measured(text: str) -> float:
     """Width of a text in Blender's font, in points."""
     blf.size(0, POINTS)
     return blf.dimensions(0, text)[0]

@@ -23,7 +23,7 @@ from . import (
     surface_object,
 )
 from .operators import export
-from .panel_base import BSFacePanel, FacePanel, paragraph, shortened
+from .panel_base import BSFacePanel, FacePanel, is_narrow, paragraph, shortened
 
 
 class BSFACE_PT_reconstruct(BSFacePanel, bpy.types.Panel):
@@ -119,7 +119,7 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
         face = scene.active_face(context)
         across, down = surface_object.shape(face)
         text = f"{face.name}: {across} x {down} control points"
-        layout.label(text=text, icon="OUTLINER_OB_SURFACE", translate=False)
+        paragraph(context, layout, text, icon="OUTLINER_OB_SURFACE")
         facts = messages.quality(scene.stored(face, stored_facts.QUALITY, {}))
         if facts:
             paragraph(context, layout, facts)
@@ -149,9 +149,9 @@ class BSFACE_PT_surface(FacePanel, bpy.types.Panel):
             refit = column.operator("bsface.surface_refit", text=text)
             refit.hold, refit.softness = hold, soft
         column.prop(context.scene.bsface, "softness")
-        row = layout.row(align=True)
-        row.prop(face.data, "resolution_u", text="Resolution")
-        row.prop(face.data, "resolution_v", text="")
+        column = layout.column(align=True)
+        column.prop(face.data, "resolution_u")
+        column.prop(face.data, "resolution_v")
         column = layout.column(align=True)
         column.operator("bsface.surface_symmetrise", icon="MOD_MIRROR")
         column.operator("bsface.surface_resample", icon="MESH_GRID")
@@ -198,16 +198,17 @@ class BSFACE_PT_views(FacePanel, bpy.types.Panel):
         views, suns = cameras.of_face(face), lights.of_face(face)
         row = layout.row(align=True)
         for direction, sign in (("PREVIOUS", "TRIA_LEFT"), ("NEXT", "TRIA_RIGHT")):
+            text = direction.capitalize() + ("" if is_narrow(context) else " Photo")
             row.operator(
-                "bsface.view_photo", text=f"{direction.capitalize()} Photo", icon=sign
+                "bsface.view_photo", text=text, icon=sign
             ).direction = direction
         now = context.scene.camera
         through = now in views
-        name = now[cameras.PHOTO_KEY] if through else messages.NO_PHOTO_VIEW
+        name = messages.NO_PHOTO_VIEW
+        if through:
+            name = shortened(context, now[cameras.PHOTO_KEY], 100)
         # Always a row, so that the buttons below stay where they are.
-        layout.label(
-            text=shortened(context, name, 100), icon="CAMERA_DATA", translate=False
-        )
+        layout.label(text=name, icon="CAMERA_DATA", translate=False)
         layout.operator("bsface.view_leave", icon="VIEW3D")
         in_front = cameras.in_front(face)
         row = layout.row(align=True)
@@ -285,7 +286,8 @@ class BSFACE_PT_export(FacePanel, bpy.types.Panel):
     bl_label = "Export"
 
     def draw(self, context):
-        grid = self.layout.grid_flow(columns=2, even_columns=True, align=True)
+        columns = 1 if is_narrow(context) else 2
+        grid = self.layout.grid_flow(columns=columns, even_columns=True, align=True)
         for kind, label in export.available():
             grid.operator("bsface.export", text=label).kind = kind
 

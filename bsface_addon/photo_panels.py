@@ -5,10 +5,12 @@ from __future__ import annotations
 import bpy
 
 from . import landmark_editor, mask_editor, messages, photo_list, thumbnails
-from .panel_base import BSFacePanel, paragraph, shortened
+from .panel_base import BSFacePanel, measured, paragraph, shortened, width
 
-# Of a row of the list beside the name: box, thumbnail, status, buttons; in points.
-ROW_TAKEN = 175
+# Of a row of the list beside the words: box, thumbnail, tick, buttons; in points.
+ROW_TAKEN = 194
+# Of a row: the least for the name, between two words, and for the icon of a mask.
+LEAST_NAME, GAP, MASK_ICON = 60, 8, 20
 
 
 class BSFACE_UL_photos(bpy.types.UIList):
@@ -17,23 +19,45 @@ class BSFACE_UL_photos(bpy.types.UIList):
     def draw_item(
         self, context, layout, data, item, icon, active_data, active_property, index
     ):
-        word, sign, _ = messages.photo_status(item.status)
+        _, sign, _ = messages.photo_status(item.status)
         row = layout.row(align=True)
         row.prop(item, "use", text="")
         name = row.row(align=True)
         name.active = item.use
         picture = thumbnails.icon(photo_list.absolute(item))
-        taken = ROW_TAKEN + 6 * len(word) + 6 * len(item.expression)
+        word, said, taken = words_with_room(context, item)
         text = shortened(context, item.name, taken)
         name.label(text=text, icon_value=picture, translate=False)
         state = row.row()
         state.alignment = "RIGHT"
         if item.mask is not None:
             state.label(text="", icon="MOD_MASK")
-        if item.expression:
-            state.label(text=item.expression, translate=False)
+        if said:
+            state.label(text=said, translate=False)
         state.alert = item.use and sign == "ERROR"
         state.label(text=word, icon=sign)
+
+
+def words_with_room(context: bpy.types.Context, item) -> tuple[str, str, float]:
+    """What a row of the list says besides the name.
+
+    Returns
+    -------
+    word, said : str
+        Of the photo's fault and of its expression; empty where the sidebar has no room
+        for it beside the name.  The fault's icon and, for the chosen row, the sentence
+        below the list stay.
+    taken : float
+        Width of all besides the name, in points.
+    """
+    taken = ROW_TAKEN + (0 if item.mask is None else MASK_ICON)
+    kept = []
+    for text in (messages.photo_status(item.status)[0], item.expression):
+        wide = measured(text) + GAP if text else 0
+        fits = width(context) - taken - wide >= LEAST_NAME
+        kept.append(text if fits else "")
+        taken += wide if fits else 0
+    return kept[0], kept[1], taken
 
 
 class BSFACE_MT_photos(bpy.types.Menu):
@@ -127,7 +151,7 @@ class BSFACE_PT_photos(BSFacePanel, bpy.types.Panel):
                 paragraph(context, layout, line)
             return
         numbers = photo_list.counts(state)
-        layout.label(text=messages.counts(numbers), translate=False)
+        paragraph(context, layout, messages.counts(numbers))
         row = layout.row()
         row.template_list(
             "BSFACE_UL_photos", "", state, "photos", state, "active_photo", rows=6

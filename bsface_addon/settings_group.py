@@ -22,6 +22,7 @@ LABELS = {
     "detector": "Detect Faces",
     "one_person": "One Person",
     "landmark_offset_mm": "Landmark Offset (mm)",
+    "landmark_noise_mm": "Landmark Noise (mm)",
     "modes": "Identity Modes",
     "smooth_mm": "Smoothness (mm)",
     "smooth_length": "Smoothness Length",
@@ -123,7 +124,9 @@ def _properties():
         else:
             low, high = LIMITS[name]
             kind = IntProperty if isinstance(default, int) else FloatProperty
-            extra = {} if kind is IntProperty else {"precision": 3}
+            # As many digits as there is room for beside the label.
+            digits = 3 if default < 100 else 1
+            extra = {} if kind is IntProperty else {"precision": digits}
             made[name] = kind(
                 name=label,
                 description=text,

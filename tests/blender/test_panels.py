@@ -166,6 +166,26 @@ def test_long_names_lose_their_beginning(addon):
     assert panel_base.shortened(bpy.context, "1.jpg", 150) == "1.jpg"
 
 
+@pytest.mark.parametrize("wide", [180, 240, 292, 500])
+@pytest.mark.parametrize("expression", ["", "Smile"])
+@pytest.mark.parametrize("status", ["used", *map(str, errors.FailureCode)])
+def test_words_of_a_row_leave_room_for_its_name(addon, wide, expression, status):
+    context = SimpleNamespace(
+        region=SimpleNamespace(width=wide),
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+    )
+    item = SimpleNamespace(status=status, expression=expression, mask=None)
+    word, said, taken = photo_panels.words_with_room(context, item)
+    room = wide - taken
+    assert room >= photo_panels.LEAST_NAME or not (word or said)
+    if wide == 500:
+        assert (word, said) == (messages.photo_status(status)[0], expression)
+    if wide == 180:
+        assert (word, said) == ("", "")
+    text = load("bsface_addon.panel_base").shortened(context, "George_01.jpg", taken)
+    assert text.endswith("1.jpg")
+
+
 def test_one_photo_is_not_plural():
     assert messages.added(1, 1) == "1 photo added"
     assert messages.added(2, 3) == "2 photos added, 1 in the list already"
