@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Prints how well the rows and columns of the template's net follow the features.
+"""Prints how well the rows and columns of the bundled net follow the features.
 
-    python tools/feature_rows.py [TEMPLATE.npz]
+    python tools/feature_rows.py
 
 A uniform net has no row along a lid or a lip unless the parametrisation puts one
 there.  For each feature line of the right half of the face (the left half is its mirror
@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from bsface.rig.arkit import face_units
@@ -74,7 +73,10 @@ class Departure:
 
 
 def feature_lines(template: Template) -> list[Line]:
-    """Lines of the right half of the face, and those across its middle."""
+    """Lines of the right half of the face, and those across its middle.
+
+    ``template`` must have the parametrisation that the ARKit keys were made for.
+    """
     mark, units = template.landmark_uv, face_units()
     points = mark[template.schemes["68"]]
     lid = units.lids_uv[0]
@@ -130,9 +132,8 @@ def departure(surface: BSplineSurface, line: Line) -> Departure:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("template", nargs="?", type=Path, help="default: the bundled")
-    template = load_template(parser.parse_args().template)
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    template = load_template()
     print("| line | row or column | leaves it by, spans | mm | angle, degrees |")
     print("|---|---|---|---|---|")
     for line in feature_lines(template):
