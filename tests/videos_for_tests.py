@@ -27,6 +27,26 @@ def write_clip(path: Path, frames: Sequence[np.ndarray], rate: float = 10) -> Pa
     return path
 
 
+def write_changing_clip(path: Path, frames: Sequence[np.ndarray]) -> Path:
+    """A Motion JPEG AVI of (h, w, 3) uint8 RGB pictures of any size, 10 a second."""
+
+    def chunk(name: bytes, body: bytes) -> bytes:
+        return name + struct.pack("<I", len(body)) + body + bytes(len(body) % 2)
+
+    h, w = frames[0].shape[:2]
+    stored = [cv2.imencode(".jpg", frame[..., ::-1])[1].tobytes() for frame in frames]
+    main = struct.pack("<14I", 100_000, *[0] * 3, len(stored), 0, 1, 0, w, h, *[0] * 4)
+    times = (0, 1, 10, 0, len(stored), 1 << 20, 10_000, 0)
+    stream = b"vidsMJPG" + struct.pack("<IHH8I4H", 0, 0, 0, *times, 0, 0, w, h)
+    kind = struct.pack("<IiiHH4s5I", 40, w, h, 1, 24, b"MJPG", w * h * 3, *[0] * 4)
+    about = b"strl" + chunk(b"strh", stream) + chunk(b"strf", kind)
+    head = b"hdrl" + chunk(b"avih", main) + chunk(b"LIST", about)
+    movie = b"movi" + b"".join(chunk(b"00dc", frame) for frame in stored)
+    body = b"AVI " + chunk(b"LIST", head) + chunk(b"LIST", movie)
+    path.write_bytes(chunk(b"RIFF", body))
+    return path
+
+
 def turned_clip(path: Path) -> None:
     """Let an MP4 ask to be turned by a quarter, clockwise."""
     data = bytearray(path.read_bytes())

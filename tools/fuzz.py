@@ -2,6 +2,7 @@
 
     python tools/fuzz.py --examples 20000
     python tools/fuzz.py --only "face file" --seed 7
+    python tools/fuzz.py --minutes 10
 
 The loaders and what must hold are those of tests/fuzz/targets.py. A finding is printed
 with its traceback and the file that shows it, made as small as can be; the exit code
@@ -30,9 +31,16 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 from targets import Target, targets  # noqa: E402
 
 
-def fuzz(target: Target, examples: int, seed: int) -> tuple[int, int, bool]:
+class OutOfTime(BaseException):
+    """Ends the search; no `Exception`, for which hypothesis would look for a cause."""
+
+
+def fuzz(
+    target: Target, examples: int, seed: int, minutes: float
+) -> tuple[int, int, bool]:
     """Inputs, how many of them were accepted, and whether there was a finding."""
     counts = [0, 0]
+    end = time.perf_counter() + 60 * minutes
 
     @hypothesis.seed(seed)
     @hypothesis.settings(
@@ -44,11 +52,15 @@ def fuzz(target: Target, examples: int, seed: int) -> tuple[int, int, bool]:
     )
     @hypothesis.given(data=target.inputs)
     def check(data: bytes) -> None:
+        if time.perf_counter() > end:
+            raise OutOfTime
         counts[0] += 1
         counts[1] += target.run(data)
 
     try:
         check()
+    except OutOfTime:
+        pass
     except Exception:
         traceback.print_exc()
         return counts[0], counts[1], True
@@ -61,6 +73,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     p.add_argument("--examples", type=int, default=20000, help="files a loader")
+    p.add_argument("--minutes", type=float, default=60, help="at most, a loader")
     p.add_argument("--seed", type=int, default=None, help="default: another each time")
     p.add_argument("--only", metavar="LOADER", help="one of them, by its name")
     options = p.parse_args()
@@ -68,7 +81,9 @@ def main() -> int:
         return fuzz_all(options)
     (target,) = (t for t in targets() if t.name == options.only)
     start = time.perf_counter()
-    tried, taken, found = fuzz(target, options.examples, options.seed or 0)
+    tried, taken, found = fuzz(
+        target, options.examples, options.seed or 0, options.minutes
+    )
     seconds = time.perf_counter() - start
     print(
         f"| {target.name} | {tried} | {taken} | {tried - taken} | {int(found)} "
@@ -85,7 +100,10 @@ def fuzz_all(options: argparse.Namespace) -> int:
     print("| --- | --- | --- | --- | --- | --- |", flush=True)
     findings = 0
     for target in targets():
-        words = [f"--examples={options.examples}", f"--seed={seed}"]
+        words = [
+            f"--{name}={getattr(options, name)}" for name in ("examples", "minutes")
+        ]
+        words.append(f"--seed={seed}")
         code = subprocess.run(
             [sys.executable, __file__, *words, f"--only={target.name}"]
         ).returncode

@@ -13,10 +13,18 @@ from .decode import quiet
 
 
 @contextlib.contextmanager
-def opened(path: Path) -> Iterator[cv2.VideoCapture]:
-    """A video file, open; turns that it asks for are made."""
+def opened(path: Path, *, coded: bool = False) -> Iterator[cv2.VideoCapture]:
+    """A video file, open; turns that it asks for are made.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    coded : bool
+        Frames come as they are stored, not decoded.
+    """
+    options = [cv2.CAP_PROP_FORMAT, -1] if coded else []
     with quiet(), _quiet_ffmpeg():
-        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, options)
     try:
         video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
         yield video

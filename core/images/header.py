@@ -147,7 +147,10 @@ def _pnm(view: memoryview) -> ImageHeader | None:
 
 def _heif(view: memoryview) -> ImageHeader | None:
     """The largest picture in the file: others are its tiles and thumbnails."""
-    _, brands = next(boxes(view))
+    first = next(boxes(view), None)
+    if first is None:  # its size is smaller than its own head
+        return None
+    brands = first[1]
     names = {bytes(brands[i : i + 4]) for i in range(0, min(len(brands), 400), 4)}
     kind = "AVIF" if names & {b"avif", b"avis"} else "HEIC"
     path = (b"meta", b"iprp", b"ipco")

@@ -19,6 +19,7 @@ from ..errors import PhotoFailure
 from ..progress import CheckCancelled, never_cancelled
 from .capture import opened
 from .decode import LIMITS, MIN_SIDE, Limits, judge_file
+from .frame_size import size_change
 from .frames import Frame, choose_frames, look
 from .icc import ProfileError
 from .photo import Photo
@@ -30,6 +31,10 @@ FRAMES = 90
 MEASURED = 400
 # About two hours: what comes later is not looked at.
 _MOST_FRAMES = 216_000
+# An end that is missing gets a note from so many seconds and so large a part on. Sound
+# may be a little longer than its pictures.
+_MISSING_S = 1.0
+_MISSING = 0.1
 
 Watched = Callable[[float], None]
 
@@ -167,7 +172,17 @@ def read_video(
                 f"{name} has frames of only {width} x {height} pixels, too few for a "
                 "face; use the original video.",
             )
-        frames = _watch(video, measured, check_cancelled, watched)
+        change = size_change(path, check_cancelled)
+        if change is not None:
+            seconds, before, after = change
+            return PhotoFailure(
+                name,
+                "unreadable",
+                f"{name} changes the size of its frames at {time_code(seconds)}, from "
+                f"{before[0]} x {before[1]} to {after[0]} x {after[1]}; export it "
+                "again as MP4, in one size.",
+            )
+        frames, note = _watch(video, measured, check_cancelled, watched)
     if not frames:
         return PhotoFailure(
             name,
@@ -175,11 +190,11 @@ def read_video(
             f"{name} holds no frame that can be decoded; copy it again or export it "
             "as MP4.",
         )
-    note, convert = "", unchanged
+    convert = unchanged
     try:
         convert = frame_converter(read_colour(path))
     except ProfileError as error:
-        note = f"read as sRGB: {error}"
+        note = "; ".join(filter(None, [note, f"read as sRGB: {error}"]))
     chosen = choose_frames(frames, count)
     return VideoFrames(path, name, chosen, note, limits, convert)
 
@@ -198,18 +213,25 @@ def _watch(
     measured: int,
     check_cancelled: CheckCancelled,
     watched: Watched | None,
-) -> list[Frame]:
-    """Frames at equal steps, measured."""
+) -> tuple[list[Frame], str]:
+    """Frames at equal steps, measured; and a note if the end is missing."""
     total = video.get(cv2.CAP_PROP_FRAME_COUNT)
+    rate = video.get(cv2.CAP_PROP_FPS)
     frames: list[Frame] = []
-    step = 1
+    step, note, seconds = 1, "", 0.0
     for number in range(_MOST_FRAMES):
         check_cancelled()
         if not video.grab():
+            claimed = total / rate if rate > 0 else 0.0
+            if claimed - seconds > max(_MISSING_S, _MISSING * claimed):
+                note = (
+                    f"cut short: {time_code(seconds)} of {time_code(claimed)} can be "
+                    "decoded"
+                )
             break
+        seconds = video.get(cv2.CAP_PROP_POS_MSEC) / 1000
         if number % step:
             continue
-        seconds = video.get(cv2.CAP_PROP_POS_MSEC) / 1000
         found, bgr = video.retrieve()
         if not found or bgr is None:
             continue
@@ -219,7 +241,7 @@ def _watch(
             frames = [frame for frame in frames if frame.number % step == 0]
         if watched is not None and total > 0:
             watched(min(number / total, 1.0))
-    return frames
+    return frames, note
 
 
 def _judge_path(path: Path, name: str) -> PhotoFailure | None:

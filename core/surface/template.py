@@ -19,6 +19,8 @@ from .bspline import BSplineSurface
 BUNDLED = Path(__file__).resolve().parents[1] / "data" / "template.npz"
 COUNT = 468  # landmarks of the face mesh
 MAX_BYTES = 500_000_000
+#: How far from the origin anything of a template may lie, mm.
+MAX_MM = 1e5
 
 
 @dataclass(frozen=True)
@@ -163,13 +165,19 @@ def _template(a: dict[str, NDArray]) -> Template:
             raise ValueError(f"{name} must hold numbers of landmarks, 0 to {COUNT - 1}")
         return value.astype(np.int64)
 
-    surface = BSplineSurface(floats("control_points", None, None, 3))
+    def millimetres(name: str, *shape: int | None) -> Array:
+        value = floats(name, *shape)
+        if np.abs(value).max(initial=0) > MAX_MM:
+            raise ValueError(f"{name} holds lengths of more than {MAX_MM:g} mm")
+        return value
+
+    surface = BSplineSurface(millimetres("control_points", None, None, 3))
     modes = {
-        name: floats(name, None, *surface.shape, 3)
+        name: millimetres(name, None, *surface.shape, 3)
         for name in ("identity_modes", "expression_modes")
     }
-    sigma = floats("landmark_free_sigma", COUNT)
-    eyes, outline = floats("eye_centres", 2, 3), floats("outline_uv", None, 2)
+    sigma = millimetres("landmark_free_sigma", COUNT)
+    eyes, outline = millimetres("eye_centres", 2, 3), floats("outline_uv", None, 2)
     skin = floats("skin", None, None)
     uv = floats("landmark_uv", COUNT, 2)
     if uv.min() < 0 or uv.max() > 1:
@@ -185,7 +193,7 @@ def _template(a: dict[str, NDArray]) -> Template:
     return Template(
         surface=surface,
         landmark_uv=uv,
-        landmark_xyz=floats("landmark_xyz", COUNT, 3),
+        landmark_xyz=millimetres("landmark_xyz", COUNT, 3),
         landmark_sigma=sigma,
         landmark_reliable=floats("landmark_reliable", COUNT).astype(bool),
         landmark_mirror=indices("landmark_mirror", COUNT),

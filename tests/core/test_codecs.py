@@ -124,6 +124,14 @@ def test_a_size_bomb_is_judged_by_the_header(read, kind):
     assert failure.code == "too_large" and "60000 x 60000" in failure.reason
 
 
+@pytest.mark.parametrize("kind", ["HEIC", "AVIF"])
+def test_a_first_box_without_room_for_its_head(read, kind):
+    data = FILES[kind]()
+    for size in range(2, 8):
+        failure = read(struct.pack(">I", size) + data[4:])
+        assert failure.code == "unreadable" and failure.reason.endswith(".")
+
+
 @pytest.mark.parametrize("kind", FILES)
 def test_cut_short(read, kind):
     data = FILES[kind]()

@@ -16,7 +16,13 @@ from bsface.images.frames import ALIKE, choose_frames, far_apart, look
 from bsface.images.keep_frames import keep_frames
 from bsface.images.read import read_photo
 from bsface.images.video import VideoFrames, read_video, time_code
-from videos_for_tests import CODECS, turned_clip, with_times, write_clip
+from videos_for_tests import (
+    CODECS,
+    turned_clip,
+    with_times,
+    write_changing_clip,
+    write_clip,
+)
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "photos"
 RNG = np.random.default_rng(5)
@@ -226,6 +232,29 @@ def test_a_video_cut_short_gives_the_frames_that_are_there(tmp_path):
     found = read_video(path)
     assert 2 <= len(list(found.photos())) < len(PICTURES)
     assert differences(found).max() > ALIKE
+
+
+def test_a_missing_end_is_told(tmp_path):
+    path = write_clip(tmp_path / "a.mkv", PICTURES, rate=1)
+    assert read_video(path).note == ""
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    note = read_video(path).note
+    assert note.startswith("cut short: 00:0") and "of 00:08.000" in note
+
+
+@pytest.mark.parametrize("first, second", [((96, 128), (48, 64)), ((48, 64), (96, 64))])
+def test_frames_that_change_their_size_are_refused(tmp_path, first, second):
+    """OpenCV would hand out all of them in the first size."""
+    frames = [np.zeros((*size, 3), np.uint8) for size in (first, first, second)]
+    failure = read_video(write_changing_clip(tmp_path / "a.avi", frames))
+    assert isinstance(failure, PhotoFailure) and failure.code == "unreadable"
+    assert (
+        f"from {first[1]} x {first[0]} to {second[1]} x {second[0]}" in failure.reason
+    )
+    assert "at 00:00.200" in failure.reason and failure.reason.endswith("size.")
+    whole = read_video(write_changing_clip(tmp_path / "b.avi", frames[:2]))
+    assert isinstance(whole, VideoFrames)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names that are no text")
