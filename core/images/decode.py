@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from .._types import Picture8
+from .._types import Array32, Picture8
 from ..errors import PhotoFailure, out_of_memory
 from .header import OPTIONAL, READABLE, ImageHeader
 
@@ -197,6 +197,24 @@ def decode(data: Picture8, reduction: int) -> np.ndarray | None:
     if pixels is None or pixels.ndim != 3 or pixels.size == 0:
         return None
     return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+
+
+def decode_alpha(data: Picture8 | None) -> Array32 | None:
+    """(h, w) alpha channel from 0 to 1, not turned; None without one."""
+    if data is None:
+        return None
+    try:
+        with quiet():
+            pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        if out_of_memory(error):
+            raise MemoryError from None
+        return None
+    if pixels is None or pixels.ndim != 3 or pixels.shape[2] != 4:
+        return None
+    if pixels.dtype not in (np.uint8, np.uint16):
+        return None
+    return pixels[..., 3].astype(np.float32) / np.iinfo(pixels.dtype).max
 
 
 @contextlib.contextmanager

@@ -56,9 +56,18 @@ def look(bgr: Picture8, number: int, seconds: float) -> Frame:
         )
     detail = cv2.Laplacian(grey, cv2.CV_32F)
     sharpness = float(detail.var() / max(float(grey.var()), 1.0))
+    return Frame(number, seconds, sharpness, _small(grey))
+
+
+def thumbnail(rgb: Picture8) -> Picture8:
+    """(32, 32) grey of a picture (h, w, 3): two that differ by less than `ALIKE` in the
+    mean look the same."""
+    return _small(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY))
+
+
+def _small(grey: Picture8) -> Picture8:
     side = (_THUMBNAIL, _THUMBNAIL)
-    thumbnail = cv2.resize(grey, side, interpolation=cv2.INTER_AREA)
-    return Frame(number, seconds, sharpness, thumbnail.astype(np.uint8))
+    return cv2.resize(grey, side, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
 def choose_frames(frames: Sequence[Frame], limit: int) -> tuple[Frame, ...]:

@@ -1,7 +1,8 @@
 """Mask files: what of a photo is skin, painted by hand or by another program.
 
 ``001.mask.png`` beside ``001.jpg`` is a grey picture of the photo as it is shown: white
-is skin of the face, black is not, and what is half grey stays as it is measured.
+is skin of the face, black is not, and what is half grey stays as it is measured. So
+does what is transparent: there nothing was painted.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from .._types import Array, Array32
 from ..errors import PhotoFailure
 from .photo import Photo
-from .read import read_photo
+from .read import read_opacity, read_photo
 
 #: How the name of a mask goes on after the photo's, without its ending.
 ENDING = ".mask.png"
@@ -26,6 +27,9 @@ ENDING = ".mask.png"
 MAX_SIDE = 1024
 #: Largest difference of the aspect ratios of mask and photo.
 TOLERANCE = 0.02
+#: Levels between the channels of a pixel from which on it has a colour, and the part of
+#: such pixels from which on a picture is no mask. JPEG leaves a few levels.
+COLOURED, COLOURED_PART = 64, 0.01
 #: Grey levels, of 0 to 1, about the half within which nothing is said, and about black.
 SILENT = 0.02
 
@@ -81,10 +85,28 @@ def with_mask(photo: Photo, given: Array32 | None = None) -> Photo | PhotoFailur
 
 def read_mask(path: Path, photo: Photo) -> Array32 | PhotoFailure:
     """A mask file as ``(h, w)`` float32: 1 = skin, 0 = not, 0.5 = nothing is said."""
+
+    def unusable(what: str) -> PhotoFailure:
+        return PhotoFailure(photo.name, "unreadable", f"{path.name} is {what}")
+
     found = read_photo(path)
     if isinstance(found, PhotoFailure):
         return replace(found, name=photo.name)
-    grey = found.bytes8().astype(np.float32).mean(axis=2) / 255
+    pixels = found.bytes8()
+    opacity = read_opacity(path)
+    if opacity is None:
+        opacity = np.ones(pixels.shape[:2], np.float32)
+    elif opacity.shape != found.size[::-1]:
+        return unusable("transparent in parts and turned by a tag; save it upright.")
+    else:
+        size = (pixels.shape[1], pixels.shape[0])
+        reduced = cv2.resize(opacity, size, interpolation=cv2.INTER_AREA)
+        opacity = np.asarray(reduced, np.float32)
+    coloured = np.ptp(pixels, axis=2) * opacity > COLOURED
+    if coloured.mean() > COLOURED_PART:
+        return unusable("coloured; a mask is grey: white is skin, black is not.")
+    grey = pixels.astype(np.float32).mean(axis=2) / 255
+    grey = opacity * grey + (1 - opacity) * np.float32(0.5)
     failure = _of_same_shape(grey, photo, path.name)
     if failure is not None:
         return failure

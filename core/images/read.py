@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._types import Picture8
+from .._types import Array32, Picture8
 from ..errors import PhotoFailure
 from .codecs import MissingPackage, decode_optional
 from .convert import to_srgb
@@ -22,6 +22,7 @@ from .decode import (
     Limits,
     damaged,
     decode,
+    decode_alpha,
     file_bytes,
     judge_header,
 )
@@ -103,6 +104,19 @@ def read_photo(
         pixels = pixels if profile is None else to_srgb(pixels, profile)
     size = _original_size(header, pixels.shape, reduction)
     return Photo(name, path, size, pixels, (0.0, 0.0, 1.0 / reduction), note)
+
+
+def read_opacity(path: Path) -> Array32 | None:
+    """(h, w) alpha channel of a picture that `read_photo` reads; None without one.
+
+    0 is transparent, 1 is not. It is not turned, and that of HEIC, AVIF and JPEG 2000
+    is not looked for.
+    """
+    data = file_bytes(path, path.name)
+    header = None if isinstance(data, PhotoFailure) else read_header(data)
+    if isinstance(data, PhotoFailure) or header is None or header.format in OPTIONAL:
+        return None
+    return decode_alpha(data if header.format != "PNG" else plain_png(data))
 
 
 def _pixels(data: Picture8, kind: str, reduction: int) -> np.ndarray | None:

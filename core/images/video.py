@@ -165,7 +165,7 @@ def read_video(
                 f"{name} has frames of {width} x {height} pixels, more than can be "
                 f"read ({limits.pixels // 10**6} megapixels); export it smaller.",
             )
-        if min(width, height) < MIN_SIDE:
+        if 0 < min(width, height) < MIN_SIDE:
             return PhotoFailure(
                 name,
                 "unreadable",

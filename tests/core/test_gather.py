@@ -171,6 +171,41 @@ def test_given_landmarks_win_over_files(folder, picture):
     np.testing.assert_array_equal(found.landmarks[0].points, given.points)
 
 
+def test_landmark_files_beside_the_wrong_photos_get_a_doubt(models, folder):
+    """Also those of the same person in another pose, whose faces nearly coincide."""
+    names = ("000.jpg", "005.jpg", "011.jpg")
+    for name in names:
+        shutil.copy(PHOTOS / name, folder)
+    seen = collect_photos(folder).landmarks
+    noise = np.random.default_rng(0).normal(0, 2, (68, 2))
+    for shift in (0, -1):
+        for name, other in zip(names, np.roll(np.arange(3), shift), strict=True):
+            marks = seen[other].subset("68", TEMPLATE.schemes["68"])
+            marks = replace(marks, points=marks.points + noise)
+            write_landmarks(folder / f"{name[:3]}.pts", marks)
+        found = collect_photos(folder).landmarks
+        assert [marks.source for marks in found] == ["file"] * 3
+        doubts = ["marks another place" in marks.note for marks in found]
+        assert doubts == [bool(shift)] * 3
+    notes = [marks.note for marks in collect_photos(folder, NO_DETECTOR).landmarks]
+    assert notes == [""] * 3
+
+
+def test_a_copy_of_another_size_or_quality_gets_a_doubt(folder, picture):
+    small = cv2.resize(picture, (300, 300), interpolation=cv2.INTER_AREA)
+    for name, pixels in (("a.png", picture), ("b.jpg", picture), ("c.png", small)):
+        save(folder / name, pixels)
+        scale = pixels.shape[0] / picture.shape[0]
+        marks = front_landmarks(centre=(200 * scale, 200 * scale), scale=1.2 * scale)
+        write_landmarks(folder / name.replace(name[2:], "pts"), marks)
+    save(folder / "d.png", np.ascontiguousarray(picture[:, ::-1]))
+    write_landmarks(folder / "d.pts", front_landmarks())
+    found = collect_photos(folder, NO_DETECTOR)
+    notes = {marks.photo: marks.note for marks in found.landmarks}
+    copy = "looks like a copy of a.png"
+    assert notes == {"a.png": "", "b.jpg": copy, "c.png": copy, "d.png": ""}
+
+
 def test_wrong_landmark_files_are_told_and_the_rest_is_used(folder, picture):
     for number, name in enumerate("abcdef"):
         save(folder / f"{name}.png", picture[number:])

@@ -23,6 +23,7 @@ from bsface.surface.template import load_template
 from fake_face import person_folder
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 from skin_scenes import at_sides, masks_of, scene
 
 GREY = 128
@@ -83,6 +84,38 @@ def test_grey_levels_of_a_mask(photo):
     np.testing.assert_array_equal(mask[0, ::20], [0.0, 0.5, 1.0])
 
 
+@pytest.mark.parametrize("kind", ["RGBA", "LA", "P", "16 bits"])
+def test_what_is_transparent_says_nothing(photo, kind):
+    """Colours under what is transparent are those of the paint program."""
+    pixels = np.zeros((40, 60, 4), np.uint8)
+    pixels[:, :20] = 255
+    pixels[:, 20:40, 3] = 255
+    if kind == "RGBA":
+        pixels[:, 40:, 2] = 255
+    if kind == "16 bits":
+        paint_deep = cv2.imencode(".png", pixels.astype(np.uint16) * 257)[1]
+        photo.with_name("me 1.mask.png").write_bytes(paint_deep.tobytes())
+    elif kind == "P":
+        levels = Image.fromarray(np.repeat(np.uint8([[1, 0, 2]]), 20, 1).repeat(40, 0))
+        levels = levels.convert("P")
+        levels.putpalette([0, 0, 0, 255, 255, 255, 255, 0, 0])
+        levels.save(photo.with_name("me 1.mask.png"), transparency=2)
+    else:
+        picture = Image.fromarray(pixels, "RGBA").convert(kind)
+        picture.save(photo.with_name("me 1.mask.png"))
+    mask = with_mask(read_photo(photo)).mask
+    np.testing.assert_array_equal(mask[0, ::20], [1.0, 0.0, 0.5])
+    assert mask.shape == (40, 60)
+
+
+def test_a_half_transparent_mask_is_half_of_what_it_says(photo):
+    pixels = np.full((40, 60, 4), 255, np.uint8)
+    pixels[..., 3] = 51
+    Image.fromarray(pixels).save(photo.with_name("me 1.mask.png"))
+    mask = with_mask(read_photo(photo)).mask
+    np.testing.assert_allclose(mask, 0.2 + 0.8 * 0.5, atol=1e-6)
+
+
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=10, deadline=None)
 def test_a_written_mask_is_read_again(tmp_path_factory, seed):
@@ -123,6 +156,8 @@ def test_a_mask_stays_with_the_cut_out(photo):
         (b"no picture", "me 1.mask.png"),
         (b"", "me 1.mask.png"),
         (cv2.imencode(".png", np.zeros((60, 40)))[1].tobytes(), "40 x 60 pixels"),
+        # A cut-out of the photo, or a mask painted in red.
+        (cv2.imencode(".png", np.full((40, 60, 3), (0, 0, 255)))[1], "a mask is grey"),
     ],
 )
 def test_a_mask_that_cannot_be_used_is_told(photo, content, words):
