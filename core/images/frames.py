@@ -65,7 +65,7 @@ def thumbnail(rgb: Picture8) -> Picture8:
     return _small(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY))
 
 
-def _small(grey: Picture8) -> Picture8:
+def _small(grey: np.ndarray) -> Picture8:
     side = (_THUMBNAIL, _THUMBNAIL)
     return cv2.resize(grey, side, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
