@@ -30,7 +30,10 @@ def parse_memory(text: str) -> int:
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)B?\s*", text, re.IGNORECASE)
     if found is None:
         raise ValueError(f"--memory {text!r} is no size; give for example 2G or 800M.")
-    return round(float(found[1]) * _UNITS[found[2].upper()])
+    size = float(found[1]) * _UNITS[found[2].upper()]
+    if size > sys.maxsize:
+        raise ValueError(f"--memory {text:.20} is more than any machine has.")
+    return round(size)
 
 
 def check_memory(limit: int | None) -> None:

@@ -74,7 +74,7 @@ def main(argv: Sequence[str], executor: Executor | None = None) -> int:
 
     try:
         settings = parse_settings(options.set)
-        memory = parse_memory(options.memory) if options.memory else None
+        memory = None if options.memory is None else parse_memory(options.memory)
         with _executor(options.scheduler, executor) as chosen:
             outcomes = run_batch(
                 options.people,

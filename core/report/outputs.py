@@ -55,7 +55,9 @@ def check_outputs(
     asked = [(name, files_of(name)) for name in dict.fromkeys(outputs)]
     if report is not None:
         asked.append((report, report_files(report)))
-    if log:
+    if log is not None:
+        if not log or ending(log):
+            raise ValueError(f"{log}: give the log another name, such as run.log.")
         # A terminal or /dev/null is a place for a log.
         special = os.path.exists(log) and not os.path.isfile(log)
         if os.path.isdir(log) or not special:

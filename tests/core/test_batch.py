@@ -193,9 +193,18 @@ def test_sizes_of_memory(text, size):
     assert batch_memory.parse_memory(text) == size
 
 
+def test_an_empty_size_of_memory_is_no_missing_one(people, tmp_path, capsys):
+    words = [str(people), str(tmp_path / "out"), "--memory="]
+    assert command.main(words, InThisProcess()) == 2
+    assert "is no size" in capsys.readouterr().err
+
+
 def test_limits_of_memory_that_cannot_be_held(people, tmp_path):
     for text in ("", "much", "-1G", "2X"):
         with pytest.raises(ValueError, match="2G"):
+            batch_memory.parse_memory(text)
+    for text in ("9" * 23, "9" * 400, "10000000T"):
+        with pytest.raises(ValueError, match="more than any machine"):
             batch_memory.parse_memory(text)
     with pytest.raises(ValueError, match="too low|on Linux only"):
         batch.run_batch(people, tmp_path, memory=10**6)

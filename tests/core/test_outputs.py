@@ -68,7 +68,6 @@ def test_results_may_stand_beside_the_photos_and_be_written_again(photos):
     "words",
     [
         {"outputs": ["a.obj"], "report": "a.html"},  # both write a.png
-        {"outputs": ["a.npz"], "log": "a.npz"},
         {"outputs": ["a.npz"], "report": "b.html", "log": "b.json"},
         {"outputs": ["a b.obj", "a_b.obj"]},
     ],
@@ -77,6 +76,12 @@ def test_results_may_stand_beside_the_photos_and_be_written_again(photos):
 def test_two_outputs_with_one_file(tmp_path, words):
     with pytest.raises(ValueError, match="would both write"):
         check_outputs(**inside(tmp_path, words))
+
+
+@pytest.mark.parametrize("name", ["", "a.npz", "a.OBJ", "a.nurbs.obj"])
+def test_a_log_does_not_take_the_name_of_a_face(name):
+    with pytest.raises(ValueError, match=r"such as run\.log"):
+        check_outputs([], log=name)
 
 
 def test_the_same_output_twice_is_one_output(tmp_path):
