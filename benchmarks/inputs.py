@@ -11,11 +11,15 @@ reconstructed:
 photos   the folder as it is
 heic     HEIC of the given quality, by pillow-heif (requirements/test.txt)
 p3       PNG of 16 bits in Display P3, with that profile
+mirrored every third photo mirrored, as some selfie cameras store them
 lossless, mjpeg
          a clip of all photos, one frame each
+minute   a clip of 60 s and 1920 x 1080 pixels in which the photos are shown one after
+         the other, slowly moved, with noise (only when it is asked for)
 
 The columns: photos used, mean distance from the first row's surface and mean error
-against the ground truth (both in % of the eye distance), and seconds.
+against the ground truth (both in % of the eye distance), and processor seconds of
+reading and reconstructing.
 """
 
 from __future__ import annotations
@@ -71,6 +75,34 @@ def write_p3(pictures: Pictures, folder: Path, quality: int) -> None:
         (folder / f"{k:03d}.png").write_bytes(png_with_profile(png, profile))
 
 
+def write_mirrored(pictures: Pictures, folder: Path, quality: int) -> None:
+    del quality
+    for k, picture in enumerate(pictures):
+        stored = picture[:, ::-1] if k % 3 == 1 else picture
+        (folder / f"{k:03d}.png").write_bytes(encoded(".png", stored))
+
+
+def write_minute(pictures: Pictures, folder: Path, quality: int) -> None:
+    """1800 frames, 30 a second."""
+    del quality
+    size, count = (1920, 1080), 1800
+    noise = np.random.default_rng(0).normal(0, 2, (2, *size[::-1], 3))
+    noise = noise.round().astype(np.int16)
+    code = cv2.VideoWriter_fourcc(*"mp4v")
+    writer = cv2.VideoWriter(str(folder / "minute.mp4"), code, 30.0, size)
+    assert writer.isOpened()
+    for number in range(count):
+        picture = pictures[number * len(pictures) // count][..., ::-1]
+        h, w = picture.shape[:2]
+        scale = size[1] / h * (1 + 0.03 * np.sin(number / 40))
+        x = (size[0] - scale * w) / 2 + 15 * np.sin(number / 23)
+        move = np.array([[scale, 0, x], [0, scale, 10 * np.cos(number / 31)]])
+        frame = cv2.warpAffine(picture, move, size, borderValue=(90, 100, 110))
+        frame = np.clip(frame.astype(np.int16) + noise[number % 2], 0, 255)
+        writer.write(frame.astype(np.uint8))
+    writer.release()
+
+
 def clip_writer(code: str, name: str) -> Callable[[Pictures, Path, int], None]:
     def write(pictures: Pictures, folder: Path, quality: int) -> None:
         h, w = pictures[0].shape[:2]
@@ -104,7 +136,11 @@ KINDS: dict[str, Callable[[Pictures, Path, int], None]] = {
     "p3": write_p3,
     "lossless": clip_writer("FFV1", "clip.mkv"),
     "mjpeg": clip_writer("MJPG", "clip.avi"),
+    "mirrored": write_mirrored,
+    "minute": write_minute,
 }
+#: Measured unless others are asked for.
+USUAL = ("heic", "p3", "lossless", "mjpeg", "mirrored")
 
 
 def main() -> None:
@@ -128,18 +164,19 @@ def main() -> None:
         paths = paths[:: max(len(paths) // options.photos, 1)][: options.photos]
     pictures = [cv2.imread(str(path))[..., ::-1] for path in paths]
     rows, first = [], None
-    for kind in options.only or ["photos", *KINDS]:
+    for kind in options.only or ["photos", *USUAL]:
         with contextlib.ExitStack() as stack:
             source: Path | list = list(paths)
             if kind != "photos":
                 place = stack.enter_context(tempfile.TemporaryDirectory())
                 source = Path(place)
                 KINDS[kind](pictures, source, options.quality)
+            start = time.process_time()
+            if isinstance(source, Path):
                 for clip in source.glob("clip.*"):
                     source = frames_of(clip)
-            start = time.perf_counter()
             found = reconstruct(source)
-            seconds = time.perf_counter() - start
+            seconds = time.process_time() - start
         first = first or found
         error = float("nan")
         if given is not None:
