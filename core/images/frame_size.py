@@ -163,7 +163,9 @@ def _h264(bits: _Bits) -> Size:
         colours = bits.golomb()
         if colours == 3:
             bits.number(1)
-        bits.golomb(), bits.golomb(), bits.number(1)  # depths, lossless
+        bits.golomb()  # depth of brightness
+        bits.golomb()  # and of colours
+        bits.number(1)  # lossless
         if bits.number(1):
             for k in range(12 if colours == 3 else 8):
                 if bits.number(1):
@@ -173,10 +175,13 @@ def _h264(bits: _Bits) -> Size:
     if order == 0:
         bits.golomb()
     elif order == 1:
-        bits.number(1), bits.golomb(), bits.golomb()
+        bits.number(1)
+        bits.golomb()
+        bits.golomb()
         for _ in range(bits.golomb()):
             bits.golomb()
-    bits.golomb(), bits.number(1)
+    bits.golomb()
+    bits.number(1)
     width, height = bits.golomb() + 1, bits.golomb() + 1
     return 16 * width, 16 * height * (2 - bits.number(1))
 
