@@ -187,9 +187,9 @@ def main() -> None:
         rows.append(
             {"kind": kind, "used": used, "away": away, "error": error, "time": seconds}
         )
-        print(f"{kind}: {away:.3f} % from the first, error {error:.3f} %", flush=True)
+        print(f"{kind}: {away:.3f} % from the first, {seconds:.0f} s", flush=True)
     columns = [
-        ("used", "used", "d"),
+        ("used", "used", ".0f"),
         ("away", "from the first %", ".3f"),
         ("error", "error %", ".3f"),
         ("time", "seconds", ".0f"),

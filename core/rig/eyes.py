@@ -38,7 +38,7 @@ class Eyeball:
         """Points moved along their rays onto a sphere ``share`` times as large."""
         ray = points - self.centre
         length = np.linalg.norm(ray, axis=-1, keepdims=True)
-        return self.centre + share * self.radius * ray / length
+        return self.centre + share * self.radius * ray / np.maximum(length, 1e-12)
 
 
 def fit_eyeball(lids: Array, blink: Array, eye_distance: float) -> Eyeball:

@@ -166,6 +166,15 @@ def test_lids_of_everybody_stay_outside_the_eyeball(seed):
             assert np.linalg.norm(at - centre, axis=1).min() > radius - 0.35
 
 
+def test_a_point_at_the_centre_of_an_eyeball_stays():
+    """It has no direction; a face whose eyes are at one place has such points."""
+    ball = Eyeball(np.array([3.0, -2.0, 5.0]), 12.0)
+    points = ball.centre + ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    with np.errstate(all="raise"):
+        moved = ball.onto(points)
+    np.testing.assert_allclose(moved - ball.centre, ((0, 0, 0), (0, 12, 0)))
+
+
 @given(st.floats(5, 20), st.integers(2, 7))
 @settings(max_examples=10, deadline=None)
 def test_sphere_is_closed_and_faces_outwards(radius, cells):
