@@ -18,7 +18,7 @@ from .._types import Array
 from ..camera.camera import Camera
 from ..images.photo import Photo
 from ..images.remap import interpolate
-from ..surface.bspline import BSplineSurface
+from ..surface.bspline import BSplineSurface, basis_matrix, unit_normals
 
 #: A point is hidden when another part of the surface is this much nearer, mm.
 DEPTH_MARGIN = 4.0
@@ -142,7 +142,7 @@ def view_weights(
     Parameters
     ----------
     surface : BSplineSurface, or a sequence of n
-        One for all photos, or each photo's own.
+        One for all photos, or each photo's own; nets of one size.
     cameras : sequence of n Camera
     uv : (p, 2) array
     grazing : float
@@ -153,13 +153,15 @@ def view_weights(
     (n, p) array
     """
     out = np.zeros((len(cameras), len(uv)))
-    own = not isinstance(surface, BSplineSurface)
+    faces = [surface] if isinstance(surface, BSplineSurface) else surface
+    (u, v), shape = uv.T, faces[0].shape
+    T, T_u, T_v = (basis_matrix(shape, u, v, *k) for k in ((0, 0), (1, 0), (0, 1)))
     points = normals = cover = np.zeros((0, 3))
     for i, camera in enumerate(cameras):
-        if own or i == 0:
-            face = surface[i] if own else surface
-            points, normals = face.evaluate(*uv.T), face.normals(*uv.T)
-            cover = face.grid(161, 161).reshape(-1, 3)
+        if i < len(faces):
+            b = faces[i].vector
+            points, normals = T @ b, unit_normals(T_u @ b, T_v @ b)
+            cover = faces[i].grid(161, 161).reshape(-1, 3)
         cosine = (camera.toward(points) * normals).sum(1)
         seen = (cosine > grazing) & ~occluded(cover, camera, points)
         out[i] = np.where(seen, cosine, 0.0)

@@ -113,6 +113,12 @@ def basis_matrix(
     )
 
 
+def unit_normals(s_u: Array, s_v: Array) -> Array:
+    """Unit normals out of the face (Eq. 3) for the partial derivatives (..., 3)."""
+    h = np.cross(s_v, s_u)
+    return h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-12)
+
+
 def dense_basis(count: int, x: Array, order: int = 0) -> Array:
     """As `segment_basis`, as one dense matrix ``(p, count)``."""
     first, value = segment_basis(count, x, order)
@@ -181,12 +187,16 @@ class BSplineSurface:
 
     def normals(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Unit normals out of the face (Eq. 3 for ``v`` running down), ``(..., 3)``."""
-        h = np.cross(self.evaluate(u, v, dv=1), self.evaluate(u, v, du=1))
-        return h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-12)
+        return unit_normals(self.evaluate(u, v, du=1), self.evaluate(u, v, dv=1))
 
     def grid(self, nu: int, nv: int) -> Array:
         """Points on a regular parameter grid, ends included, ``(nu, nv, 3)``."""
-        return self.evaluate(*grid_parameters(nu, nv)).reshape(nu, nv, 3)
+        m, n = self.shape
+        across = dense_basis(m, np.linspace(0, 1, nu)) @ self.control_points.reshape(
+            m, -1
+        )
+        down = dense_basis(n, np.linspace(0, 1, nv))
+        return np.asarray(down @ across.reshape(nu, n, 3), float)
 
     def transformed(
         self, scale: float = 1.0, R: ArrayLike | None = None, t: ArrayLike = 0.0

@@ -57,6 +57,9 @@ def displacement_deviation(
     W = rows.precision * (1 - border.V[3] * s * (rest / border.den))
     q, m, n = F.shape[1], border.size, len(W)
     upright = [sparse.csr_array(t.T) for t in T]
+    # A spline is zero at nearly all samples, a harmonic at none.
+    k = rows.harmonics.shape[2]
+    dense, thin = np.ascontiguousarray(F[:, :k]), sparse.csr_array(F[:, k:].T)
     eliminated = np.zeros((size + q, size + q), order="F")
     batch = np.empty((_BATCH * m, size + q))
     for i in range(n):
@@ -67,13 +70,14 @@ def displacement_deviation(
         R = np.empty((size + q, m))
         R[:size] = sum(t @ (c[a, i][:, None] * Wh) for a, t in enumerate(upright))
         R[:size, : system.state.motions] += system.coupling[:, i]
-        R[size:] = -product(F.T, s[i][:, None] * Wh)
-        k = i % _BATCH
-        batch[k * m : (k + 1) * m] = solve_triangular(
+        sWh = s[i][:, None] * Wh
+        R[size : size + k], R[size + k :] = -product(dense.T, sWh), -(thin @ sWh)
+        at = i % _BATCH
+        batch[at * m : (at + 1) * m] = solve_triangular(
             np.linalg.cholesky(H), R.T, lower=True
         )
-        if k + 1 == _BATCH or i + 1 == n:
-            part = batch[: (k + 1) * m].T
+        if at + 1 == _BATCH or i + 1 == n:
+            part = batch[: (at + 1) * m].T
             eliminated = dsyrk(1.0, part, 1.0, eliminated, overwrite_c=1)
     total = np.negative(eliminated, out=eliminated)
     mirror_lower(total.T)
