@@ -233,9 +233,11 @@ def _photo_block(rows: LandmarkRows, E: Array, hold: Array, pull: Array) -> _Pho
     """Block of one photo; ``hold`` and ``pull`` are the prior of its unknowns, (q,)."""
     w, J = rows.weight, rows.by_point
     own = np.concatenate([rows.by_camera, J @ E], 2)
-    A = np.einsum("lxa,l,lxb->ab", own, w, own) + np.diag(hold)
-    b = np.einsum("lxa,l,lx->a", own, w, rows.residual) + pull
-    B = np.einsum("lxa,l,lxb->lba", own, w, J).reshape(3 * len(w), -1)
+    weighted = w[:, None, None] * own
+    q = own.shape[2]
+    A = own.reshape(-1, q).T @ weighted.reshape(-1, q) + np.diag(hold)
+    b = rows.residual.ravel() @ weighted.reshape(-1, q) + pull
+    B = np.matmul(J.transpose(0, 2, 1), weighted).reshape(-1, q)
     return _PhotoBlock(np.linalg.cholesky(A), B, b)
 
 

@@ -40,9 +40,8 @@ from ..._types import Array
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from ...settings import Settings
-from ..joint.block_banded import block_cholesky
+from ..joint.banded import banded_cholesky
 from ..joint.coarse_space import coarse_directions
-from ..joint.gram import gram
 from ..joint.linearise import (
     Linearisation,
     Readings,
@@ -296,19 +295,16 @@ class ShapeSolver:
     def __init__(self, precision: sparse.csr_array, model: DisplacementModel) -> None:
         prior = 0.5 * model.prior.smooth
         self.D = D = model.D
-        self.factor = block_cholesky(
-            sparse.csr_array(precision + prior), model.reference.shape
-        )
-        SD = precision @ D
-        self.Y = self.factor.half(SD)
-        corner = D.T @ SD + 0.5 * np.eye(D.shape[1])
-        self.schur = cho_factor(corner - gram(self.Y))
+        self.factor = banded_cholesky(sparse.csr_array(precision + prior))
+        self.SD = precision @ D
+        self.PD = self.factor.solve(self.SD)
+        corner = D.T @ self.SD + 0.5 * np.eye(D.shape[1])
+        self.schur = cho_factor(corner - self.SD.T @ self.PD)
 
     def __call__(self, force: Array, photos: int) -> Step:
-        y = self.factor.half(force[:, None])[:, 0]
-        modes = cho_solve(self.schur, self.D.T @ force - self.Y.T @ y)
-        smooth = self.factor.other_half((y - self.Y @ modes)[:, None])[:, 0]
-        return Step(smooth, modes, np.zeros((photos, 0)))
+        d = self.factor.solve(force)
+        modes = cho_solve(self.schur, self.D.T @ force - self.SD.T @ d)
+        return Step(d - self.PD @ modes, modes, np.zeros((photos, 0)))
 
 
 def _weighted(
