@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._types import Array
+from ..gram import gram
 from ..progress import CheckCancelled, never_cancelled
 from . import harmonics
 
@@ -141,7 +142,7 @@ def solve_lights(
     for i in range(n):
         if i and len(Y) > 1:
             design = albedo[:, None] * Y[i]
-        A = design.T @ (W[i][:, None] * design)
+        A = gram(np.sqrt(W[i])[:, None] * design)
         scale = np.trace(A) / order + 1e-9
         A += scale * ridge * np.eye(order)
         lights[i] = np.linalg.solve(A, design.T @ (W[i] * values[i]))

@@ -21,6 +21,7 @@ from ..camera.camera import DISTANCE, PARAMETERS, Camera
 from ..camera.linear_pose import linear_pose
 from ..camera.prior import CameraPrior
 from ..errors import ReconstructionError
+from ..gram import gram
 from ..landmarks.observations import LandmarkObservations
 from ..problem import FaceEstimate, Iteration, Problem
 from ..progress import CheckCancelled, never_cancelled
@@ -29,7 +30,6 @@ from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.prior import ShapePrior
 from ..surface.template import Template
 from .expression import expression_offsets
-from .joint.gram import gram
 from .landmark_term import LandmarkRows, facing_weight, landmark_rows
 
 # Photos that are eliminated at a time.

@@ -18,6 +18,7 @@ GROUND = {
     "_start",
     "errors",
     "files",
+    "gram",
     "json_text",
     "kinds",
     "npz_arrays",

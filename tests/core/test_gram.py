@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bsface.solve.joint.gram import gram, product
+from bsface.gram import gram, product
 
 RANDOM = np.random.default_rng(4)
 

@@ -1,8 +1,8 @@
 """Cholesky factor of the sparse matrices of a net of control points.
 
 Cubic basis functions overlap three neighbours in each direction, so with the control
-points in the order of the net all entries are within ``3 N + 3`` of the diagonal: a band matrix of
-LAPACK.
+points in the order of the net all entries are within ``3 N + 3`` of the diagonal: they
+are band matrices of LAPACK.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from ..._types import Array
-from .gram import gram
+from ...gram import gram
 from .linearise import Linearisation
 
 # Below this a sample is seen by no photo.

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from ..._types import Array
+from ...gram import gram, product
 from ...surface.bspline import basis_matrix
-from .gram import gram, product
 from .linearise import Linearisation
 
 if TYPE_CHECKING:

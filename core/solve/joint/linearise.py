@@ -20,11 +20,11 @@ import numpy as np
 
 from ..._types import Array, Mask
 from ...camera.camera import PARAMETERS, Camera
+from ...gram import product
 from ...images.photo import Photo
 from ...photometry.lighting import estimate_lighting, photo_noise, robust_weights
 from ...photometry.skin import SkinMask
 from ...surface.bspline import BSplineSurface
-from .gram import product
 from .samples import Geometry, Samples
 from .state import State
 

@@ -19,9 +19,9 @@ from scipy.linalg.blas import dsyrk
 from scipy.linalg.lapack import dpotri
 
 from ..._types import Array
+from ...gram import gram, mirror_lower, product
 from ...progress import CheckCancelled, never_cancelled
 from .coarse_space import smooth_albedo
-from .gram import gram, mirror_lower, product
 
 if TYPE_CHECKING:
     from .system import BorderedSystem

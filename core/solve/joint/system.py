@@ -19,6 +19,7 @@ from typing import Protocol
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg.lapack import dtrtri
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..._types import Array
@@ -166,7 +167,8 @@ class BorderedSystem:
     @cached_property
     def whitening(self) -> Array:
         """``L_i^-1`` of the Cholesky factor of each photo's block, (n, m, m)."""
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.own)), float)
+        # SciPy's BLAS counts columns first: its upper factor is our lower one
+        return np.stack([dtrtri(L.T)[0].T for L in np.linalg.cholesky(self.own)])
 
     @cached_property
     def own(self) -> Array:

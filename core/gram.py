@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.blas import dgemm, dsyrk
 
-from ..._types import Array
+from ._types import Array
 
 
 def gram(A: Array) -> Array:
