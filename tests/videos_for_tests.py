@@ -27,16 +27,22 @@ def write_clip(path: Path, frames: Sequence[np.ndarray], rate: float = 10) -> Pa
     return path
 
 
-def write_changing_clip(path: Path, frames: Sequence[np.ndarray]) -> Path:
-    """A Motion JPEG AVI of (h, w, 3) uint8 RGB pictures of any size, 10 a second."""
+def write_changing_clip(
+    path: Path, frames: Sequence[np.ndarray], claimed: int | None = None
+) -> Path:
+    """A Motion JPEG AVI of (h, w, 3) uint8 RGB pictures of any size, 10 a second.
+
+    It may claim to have another number of them.
+    """
 
     def chunk(name: bytes, body: bytes) -> bytes:
         return name + struct.pack("<I", len(body)) + body + bytes(len(body) % 2)
 
     h, w = frames[0].shape[:2]
     stored = [cv2.imencode(".jpg", frame[..., ::-1])[1].tobytes() for frame in frames]
-    main = struct.pack("<14I", 100_000, *[0] * 3, len(stored), 0, 1, 0, w, h, *[0] * 4)
-    times = (0, 1, 10, 0, len(stored), 1 << 20, 10_000, 0)
+    count = len(stored) if claimed is None else claimed
+    main = struct.pack("<14I", 100_000, *[0] * 3, count, 0, 1, 0, w, h, *[0] * 4)
+    times = (0, 1, 10, 0, count, 1 << 20, 10_000, 0)
     stream = b"vidsMJPG" + struct.pack("<IHH8I4H", 0, 0, 0, *times, 0, 0, w, h)
     kind = struct.pack("<IiiHH4s5I", 40, w, h, 1, 24, b"MJPG", w * h * 3, *[0] * 4)
     about = b"strl" + chunk(b"strh", stream) + chunk(b"strf", kind)

@@ -182,7 +182,14 @@ def read_video(
                 f"{before[0]} x {before[1]} to {after[0]} x {after[1]}; export it "
                 "again as MP4, in one size.",
             )
-        frames, note = _watch(video, measured, check_cancelled, watched)
+        total = video.get(cv2.CAP_PROP_FRAME_COUNT)
+        step = 1
+        while total / step > measured:
+            step *= 2
+        frames, note = _watch(video, measured, step, check_cancelled, watched)
+    if step > 1 and len(frames) < measured / 4:  # the file claims more than it holds
+        with opened(path) as video:
+            frames, note = _watch(video, measured, 1, check_cancelled, watched)
     if not frames:
         return PhotoFailure(
             name,
@@ -211,14 +218,18 @@ def time_code(seconds: float) -> str:
 def _watch(
     video: cv2.VideoCapture,
     measured: int,
+    step: int,
     check_cancelled: CheckCancelled,
     watched: Watched | None,
 ) -> tuple[list[Frame], str]:
-    """Frames at equal steps, measured; and a note if the end is missing."""
+    """Every `step`-th frame, measured; and a note if the end is missing.
+
+    The step is doubled whenever there are more than `measured`.
+    """
     total = video.get(cv2.CAP_PROP_FRAME_COUNT)
     rate = video.get(cv2.CAP_PROP_FPS)
     frames: list[Frame] = []
-    step, note, seconds = 1, "", 0.0
+    note, seconds = "", 0.0
     for number in range(_MOST_FRAMES):
         check_cancelled()
         if not video.grab():

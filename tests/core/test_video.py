@@ -108,6 +108,12 @@ def test_a_long_video_is_measured_at_equal_steps(tmp_path):
     assert told == sorted(told) and told[0] >= 0 and told[-1] <= 1
 
 
+@pytest.mark.parametrize("claimed", [8, 100, 2**31 - 1])
+def test_a_claimed_length_loses_no_frames(tmp_path, claimed):
+    path = write_changing_clip(tmp_path / "a.avi", PICTURES, claimed)
+    assert len(read_video(path, measured=40).frames) == len(PICTURES)
+
+
 def test_the_turn_of_the_file_is_made(tmp_path):
     pictures = [example(k, (160, 120)) for k in range(2)]
     path = write_clip(tmp_path / "a.mp4", pictures)
