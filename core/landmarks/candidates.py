@@ -111,7 +111,6 @@ class CandidateReader:
                 "duplicate",
                 f"{name} is the same picture as {self.names[digest]}.",
             )
-        self.names[digest] = name
         self.hashes[name] = _file_hash(photo.path) or digest
         photo = with_mask(photo, self.masks.get(name))
         if isinstance(photo, PhotoFailure):
@@ -121,9 +120,16 @@ class CandidateReader:
         except LandmarkFileError as error:
             return PhotoFailure(name, "implausible", str(error))
         if isinstance(found, PhotoFailure):
+            self.names[digest] = name
             return found
         notes = [*self._copied(photo), *self._elsewhere(photo, found[0])]
-        return tuple(self._judge(photo, landmarks, notes) for landmarks in found)
+        faces = tuple(self._judge(photo, landmarks, notes) for landmarks in found)
+        # A copy with files of its own, or with none, may be of use where this photo is
+        # left out for its mask or its landmark file.
+        helped = photo.mask is not None or found[0].source == "file"
+        if not helped or faces[0].failure is None:
+            self.names[digest] = name
+        return faces
 
     def _copied(self, photo: Photo) -> list[str]:
         """A note if the photo looks like one that was read before, such as a thumbnail.

@@ -191,6 +191,26 @@ def test_landmark_files_beside_the_wrong_photos_get_a_doubt(models, folder):
     assert notes == [""] * 3
 
 
+@pytest.mark.parametrize("fault", ["no mask", "black mask", "no landmarks", "no face"])
+def test_a_copy_stands_in_for_a_photo_with_bad_files_beside_it(folder, picture, fault):
+    for name in "ab":
+        save(folder / f"{name}.png", picture)
+        write_landmarks(folder / f"{name}.pts", front_landmarks())
+    if fault == "no mask":
+        (folder / "a.mask.png").write_bytes(b"")
+    elif fault == "black mask":
+        save(folder / "a.mask.png", np.zeros_like(picture))
+    elif fault == "no landmarks":
+        (folder / "a.pts").write_text("{ 1 2 }")
+    else:
+        marks = front_landmarks()
+        swapped = replace(marks, points=marks.points[:, ::-1])
+        write_landmarks(folder / "a.pts", swapped)
+    found = collect_photos(folder, NO_DETECTOR)
+    assert [photo.name for photo in found.photos] == ["b.png"]
+    assert list(codes(found)) == ["a.png"] and "duplicate" not in codes(found).values()
+
+
 def test_a_copy_of_another_size_or_quality_gets_a_doubt(folder, picture):
     small = cv2.resize(picture, (300, 300), interpolation=cv2.INTER_AREA)
     for name, pixels in (("a.png", picture), ("b.jpg", picture), ("c.png", small)):
