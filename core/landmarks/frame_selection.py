@@ -85,8 +85,8 @@ def read_frames(
         faces = reader.read(photo, photo.name, check_cancelled)
         if isinstance(faces, PhotoFailure):
             failures.append(faces)
-        elif all(face.failure for face in faces):
-            failures += [face.failure for face in faces[:1] if face.failure]
+        elif faces[0].failure is not None and not usable_faces(faces):
+            failures.append(faces[0].failure)
         else:
             found.append((photo.name, faces))
     if not found and failures:
@@ -114,12 +114,17 @@ def differing_frames(found: Sequence[Faces], limit: int) -> list[int]:
     """
     if len(found) <= limit:
         return list(range(len(found)))
-    usable = [next(f for f in faces if f.failure is None) for faces in found]
+    usable = [usable_faces(faces)[0] for faces in found]
     features = np.stack([_pose_and_light(face) for face in usable])
     detail = np.array(
         [sharpness(face_patch(f.photo, f.landmarks, f.fit)) for f in usable]
     )
     return sorted(far_apart(features, detail, limit))
+
+
+def usable_faces(faces: Faces) -> Faces:
+    """Those without a failure, which is false where it is tested for its truth."""
+    return tuple(face for face in faces if face.failure is None)
 
 
 def _pose_and_light(face: Candidate) -> Array:

@@ -54,6 +54,29 @@ def test_faces_of_a_clip(tmp_path, drawn):
         assert face.photo.name == name and face.failure is None
 
 
+@pytest.mark.parametrize("limit", [3, 60])
+def test_frames_whose_face_is_of_no_use_are_not_chosen(tmp_path, drawn, limit):
+    pictures = [pixels for pixels, _ in drawn]
+    pictures[::3] = [p // 60 for p in pictures[::3]]  # nearly black
+    path = write_clip(tmp_path / "a.avi", pictures)
+    known = reader("a.avi", [points for _, points in drawn])
+    found = read_frames(known, path, "a.avi", limit=limit)
+    sharp = {f"a.avi 00:00.{k}00" for k in range(COUNT) if k % 3}
+    assert {name for name, _ in found} <= sharp
+    assert len(found) == min(limit, len(sharp))
+    assert all(face.failure is None for _, faces in found for face in faces)
+
+
+def test_a_video_without_a_usable_frame_gives_one_reason(tmp_path, drawn):
+    pictures = [pixels // 60 for pixels, _ in drawn]  # nearly black
+    path = write_clip(tmp_path / "a.avi", pictures)
+    known = reader("a.avi", [points for _, points in drawn])
+    ((name, failure),) = read_frames(known, path, "a.avi")
+    assert name == "a.avi" and failure.code == "dark"
+    assert failure.reason.startswith("None of ")
+    assert "frames of a.avi can be used: The face in a.avi 00:00." in failure.reason
+
+
 def test_at_most_so_many_frames(tmp_path, drawn):
     path = write_clip(tmp_path / "a.avi", [pixels for pixels, _ in drawn])
     known = reader("a.avi", [points for _, points in drawn])
