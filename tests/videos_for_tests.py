@@ -76,12 +76,21 @@ def with_times(path: Path, steps: Sequence[int]) -> None:
 def with_colour(path: Path, primaries: int, transfer: int, matrix: int) -> None:
     """Let an MP4 say which colours it has (ITU-T H.273)."""
     codes = (primaries, transfer, matrix)
-    colr = struct.pack(">I4s4sHHHB", 19, b"colr", b"nclx", *codes, 0)
+    _describe(path, struct.pack(">I4s4sHHHB", 19, b"colr", b"nclx", *codes, 0))
+
+
+def with_pixel_aspect(path: Path, wide: int, high: int) -> None:
+    """Let an MP4 say that its pixels are not square (ISO/IEC 14496-12, 12.1.4)."""
+    _describe(path, struct.pack(">I4sII", 16, b"pasp", wide, high))
+
+
+def _describe(path: Path, box: bytes) -> None:
+    """Add a box to what an MP4 says of its pictures."""
 
     def longer(body: bytes) -> bytes:
         size, kind = struct.unpack(">I4s", body[8:16])
-        entry = struct.pack(">I4s", size + len(colr), kind) + body[16 : 8 + size]
-        return body[:8] + entry + colr
+        entry = struct.pack(">I4s", size + len(box), kind) + body[16 : 8 + size]
+        return body[:8] + entry + box
 
     path.write_bytes(_replaced(path.read_bytes(), (*SAMPLES, b"stsd"), longer))
 

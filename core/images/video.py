@@ -54,6 +54,9 @@ class VideoFrames:
     limits : Limits
     convert : callable
         Takes decoded frames to sRGB.
+    pixel_aspect : float
+        Width of a pixel, as it is shown, in parts of its height. Frames are handed out
+        with square pixels.
     """
 
     path: Path
@@ -62,6 +65,7 @@ class VideoFrames:
     note: str = ""
     limits: Limits = LIMITS
     convert: Convert = unchanged
+    pixel_aspect: float = 1.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -95,11 +99,13 @@ class VideoFrames:
                         yield self._photo(wanted[number], bgr)
 
     def _photo(self, name: str, bgr: np.ndarray) -> Photo:
-        h, w = bgr.shape[:2]
+        h, w = bgr.shape[0], round(bgr.shape[1] * self.pixel_aspect)
         reduction = self.limits.reduction(h * w)
-        if reduction > 1:
-            size = (-(-w // reduction), -(-h // reduction))
-            bgr = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
+        size = (-(-w // reduction), -(-h // reduction))
+        if size != (bgr.shape[1], bgr.shape[0]):
+            larger = size[0] > bgr.shape[1]
+            how = cv2.INTER_LINEAR if larger else cv2.INTER_AREA
+            bgr = cv2.resize(bgr, size, interpolation=how)
         rgb = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
         window = (0.0, 0.0, 1.0 / reduction)
         return Photo(name, None, (w, h), self.convert(rgb), window, self.note)
@@ -182,6 +188,7 @@ def read_video(
                 f"{before[0]} x {before[1]} to {after[0]} x {after[1]}; export it "
                 "again as MP4, in one size.",
             )
+        aspect = _pixel_aspect(video)
         total = video.get(cv2.CAP_PROP_FRAME_COUNT)
         step = 1
         while total / step > measured:
@@ -203,7 +210,7 @@ def read_video(
     except ProfileError as error:
         note = "; ".join(filter(None, [note, f"read as sRGB: {error}"]))
     chosen = choose_frames(frames, count)
-    return VideoFrames(path, name, chosen, note, limits, convert)
+    return VideoFrames(path, name, chosen, note, limits, convert, aspect)
 
 
 def time_code(seconds: float) -> str:
@@ -253,6 +260,15 @@ def _watch(
         if watched is not None and total > 0:
             watched(min(number / total, 1.0))
     return frames, note
+
+
+def _pixel_aspect(video: cv2.VideoCapture) -> float:
+    """As `VideoFrames.pixel_aspect`; 1 where the file does not tell, or no camera."""
+    wide = video.get(cv2.CAP_PROP_SAR_NUM)
+    high = video.get(cv2.CAP_PROP_SAR_DEN)
+    if video.get(cv2.CAP_PROP_ORIENTATION_META) % 180:
+        wide, high = high, wide  # the file tells it of the frames before their turn
+    return wide / high if high > 0 and 0.2 < wide / high < 5 else 1.0
 
 
 def _judge_path(path: Path, name: str) -> PhotoFailure | None:

@@ -19,6 +19,7 @@ from bsface.images.video import VideoFrames, read_video, time_code
 from videos_for_tests import (
     CODECS,
     turned_clip,
+    with_pixel_aspect,
     with_times,
     write_changing_clip,
     write_clip,
@@ -123,6 +124,27 @@ def test_the_turn_of_the_file_is_made(tmp_path):
         assert photo.size == (120, 160)
         right = np.rot90(picture, -1).astype(int)
         assert np.abs(photo.pixels - right).mean() < 6
+
+
+@pytest.mark.parametrize("turn", [False, True])
+def test_pixels_that_are_not_square_become_square(tmp_path, turn):
+    """As of camcorders: 1440 x 1080 pixels are shown as 16 : 9."""
+    pictures = [example(k, (180, 240)) for k in range(2)]
+    path = write_clip(tmp_path / "a.mp4", pictures)
+    with_pixel_aspect(path, 4, 3)
+    if turn:
+        turned_clip(path)
+    photos = list(read_video(path).photos())
+    for photo, picture in zip(photos, [example(0), example(1)], strict=True):
+        # The same picture of square pixels, turned at 180 pixels of width if at all.
+        seen = np.rot90(picture, -1) if turn else picture
+        h, w = photo.pixels.shape[:2]
+        assert photo.size == (w, h) and abs(w / h - 1) < 0.01
+        seen = cv2.resize(np.ascontiguousarray(seen), (w, h))
+        assert np.abs(photo.pixels.astype(int) - seen).mean() < 6
+    small = read_video(path, limits=Limits(full_size_pixels=20_000))
+    first = next(small.photos())
+    assert first.pixels.shape[0] < 130 and first.window[2] == 0.5
 
 
 def test_times_of_a_variable_frame_rate(tmp_path):
