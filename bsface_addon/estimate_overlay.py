@@ -20,8 +20,9 @@ from ..core.surface.bspline import BSplineSurface, grid_parameters, grid_triangl
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# Lines of the drawn net, across and down.
+# Lines of the drawn net, across and down, and how far they are above the surface.
 LINES = (40, 50)
+LIFT_MM = 0.5
 SKIN = np.array([0.85, 0.62, 0.5], np.float32)
 OPACITY = 0.8
 NET_COLOUR = (0.1, 0.08, 0.07, 0.35)
@@ -43,6 +44,8 @@ class Estimate:
         Blender's own number (`session_uid`) of the scene that it belongs to.
     points : (p, 3) float32 array
         The grid in the core's axes, mm; index ``iu * LINES[1] + iv``.
+    lifted : (p, 3) float32 array
+        The same just above the surface, for lines that nothing of it hides.
     colours : (p, 4) float32 array
         Of the points, lit from the front.
     """
@@ -51,6 +54,7 @@ class Estimate:
     frame: Matrix
     scene: int
     points: Array32
+    lifted: Array32
     colours: Array32
 
     @classmethod
@@ -58,12 +62,14 @@ class Estimate:
         """Sample the surface; about a millisecond."""
         surface = BSplineSurface(control_points)
         uv = grid_parameters(*LINES)
-        light = np.clip(surface.normals(*uv)[:, 2], 0, 1)
+        points, normals = surface.evaluate(*uv), surface.normals(*uv)
+        lifted = (points + LIFT_MM * normals).astype(np.float32)
+        light = np.clip(normals[:, 2], 0, 1)
         colours = np.empty((len(light), 4), np.float32)
         colours[:, :3] = SKIN * (DARKEST + (1 - DARKEST) * light[:, None])
         colours[:, 3] = OPACITY
-        points = surface.evaluate(*uv).astype(np.float32)
-        return cls(control_points, frame, scene, points, colours)
+        points = points.astype(np.float32)
+        return cls(control_points, frame, scene, points, lifted, colours)
 
 
 class Overlay:
@@ -162,7 +168,7 @@ def _batches(estimate: Estimate) -> Callable[[], None]:
     net = batch_for_shader(
         lines,
         "LINES",
-        {"pos": estimate.points},
+        {"pos": estimate.lifted},
         indices=np.concatenate([across, down]),
     )
 

@@ -10,7 +10,7 @@ from .panel_base import BSFacePanel, measured, paragraph, shortened, width
 # Of a row of the list beside the words: box, thumbnail, tick, buttons; in points.
 ROW_TAKEN = 194
 # Of a row: the least for the name, between two words, and for the icon of a mask.
-LEAST_NAME, GAP, MASK_ICON = 60, 8, 20
+LEAST_NAME, GAP, MASK_ICON = 36, 8, 20
 
 
 class BSFACE_UL_photos(bpy.types.UIList):
