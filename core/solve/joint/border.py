@@ -78,7 +78,7 @@ class Border:
     @property
     def size(self) -> int:
         """Number m of parameters of a photo."""
-        return self.rows.by_motion.shape[2] + self.rows.harmonics.shape[2]
+        return self.rows.by_motion.shape[1] + self.rows.harmonics.shape[2]
 
     def sums(self, z: Array) -> Array:
         """The four sums over the photos for their parameters (n, m), ``(4, p)``."""

@@ -72,7 +72,7 @@ class Readings(NamedTuple):
         Weight by the viewing angle, 0 where a photo does not see the point.
     values : (n, p) array
         Intensities over the median of their photo.
-    by_motion : (n, p, 7 + e) array
+    by_motion : (n, 7 + e, p) array
         Derivative of the values by the parameters of `Camera.moved` and by the
         expression modes.
     by_displacement : (n, p) array
@@ -160,7 +160,7 @@ class Linearisation(NamedTuple):
     residual, precision : (n, p) arrays
     by_displacement : (3, n, p) array
         ``c``: derivative by the displacement and by its two slopes.
-    by_motion : (n, p, 7 + e) array
+    by_motion : (n, 7 + e, p) array
         First columns of ``h``: camera and expression.
     harmonics : (k, p, q) array
         Shading by each harmonic, for all photos (k = 1) or for each of them; times
@@ -185,7 +185,7 @@ class Linearisation(NamedTuple):
     def by_photo(self, i: int) -> Array:
         """``h_i``: derivative by the parameters of photo ``i``, ``(p, m)``."""
         Y = self.harmonics[i if len(self.harmonics) > 1 else 0]
-        return np.concatenate([self.by_motion[i], -self.albedo[:, None] * Y], 1)
+        return np.concatenate([self.by_motion[i].T, -self.albedo[:, None] * Y], 1)
 
     def thinned(self, every: int) -> Linearisation:
         """One of ``every`` samples, with the precision of as many."""
@@ -195,7 +195,7 @@ class Linearisation(NamedTuple):
             self.residual[:, ::every],
             every * self.precision[:, ::every],
             self.by_displacement[:, :, ::every],
-            self.by_motion[:, ::every],
+            self.by_motion[:, :, ::every],
             self.harmonics[:, ::every],
             self.albedo[::every],
             self.shading[:, ::every],
@@ -204,18 +204,18 @@ class Linearisation(NamedTuple):
 
     def change(self, z: Array) -> Array:
         """``h_i z_i``: change of the residuals (n, p) by photo parameters (n, m)."""
-        motion, light = np.split(z, [self.by_motion.shape[2]], axis=1)
+        motion, light = np.split(z, [self.by_motion.shape[1]], axis=1)
         if len(self.harmonics) == 1:
             out = product(light, self.harmonics[0].T)
         else:
             out = np.matmul(self.harmonics, light[..., None])[..., 0]
         out *= -self.albedo
-        out += np.matmul(self.by_motion, motion[..., None])[..., 0]
+        out += np.matmul(motion[:, None], self.by_motion)[:, 0]
         return out
 
     def pull(self, x: Array) -> Array:
         """``h_i^T x_i``, ``(n, m)``, for ``x`` (n, p)."""
-        motion = np.matmul(x[:, None], self.by_motion)[:, 0]
+        motion = np.matmul(self.by_motion, x[..., None])[..., 0]
         light = x * -self.albedo
         if len(self.harmonics) == 1:
             light = product(light, self.harmonics[0])
@@ -250,7 +250,7 @@ def read_photos(
     X = np.broadcast_to(geometry.points, (n, *geometry.points.shape[1:]))
     direction = samples.T[0] @ model.directions
     values, along = np.zeros_like(view), np.zeros_like(view)
-    by_motion = np.zeros((*view.shape, state.motions))
+    by_motion = np.zeros((n, state.motions, view.shape[1]))
     expressions = samples.expressions[0]
     for i, (picture, camera) in enumerate(zip(pictures, cameras, strict=True)):
         pixels, J, C = camera.jacobians(X[i])
@@ -263,8 +263,8 @@ def read_photos(
         scale = max(float(scale), 1e-3)
         values[i], g = v[:, 0] / scale, g[:, 0] / scale
         by_point = np.einsum("px,pxa->pa", g, J)
-        by_motion[i, :, :PARAMETERS] = np.einsum("px,pxa->pa", g, C)
-        by_motion[i, :, PARAMETERS:] = np.einsum("pa,epa->pe", by_point, expressions)
+        by_motion[i, :PARAMETERS] = np.einsum("px,pxa->ap", g, C)
+        by_motion[i, PARAMETERS:] = np.einsum("pa,epa->ep", by_point, expressions)
         along[i] = (by_point * direction).sum(1)
     Y = np.stack([samples.transfer.basis(N) for N in geometry.normals])
     return Readings(geometry, Y, view, values, by_motion, along)
@@ -299,7 +299,7 @@ def linearise(
             if len(E_u):
                 # The normal turns with what an expression moves along it.
                 turned = c[1, i] * (E_u * N).sum(2) + c[2, i] * (E_v * N).sum(2)
-                by_motion[i, :, PARAMETERS:] += turned.T
+                by_motion[i, PARAMETERS:] += turned
             s[i] = seen.harmonics[k] @ lights[i]
     return Linearisation(
         samples,
