@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 SPLINES = 6
 #: The small matrix of this space is measured on about this many samples.
 SAMPLES = 600
+#: Added to its diagonal: below the smallest eigenvalue of usual systems, enough where
+#: a photo has none of these samples.
+RIDGE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +78,8 @@ def coarse_space(system: BorderedSystem, directions: Array) -> CoarseSpace:
     Z = np.linalg.qr(np.linalg.solve(upright, directions).reshape(n * m, -1))[0]
     steps = np.matmul(upright, Z.reshape(n, m, -1))
     every = max(1, len(system.intensities.den) // SAMPLES)
-    return CoarseSpace(Z, cho_factor(_energy(system.thinned(every), steps)))
+    E = _energy(system.thinned(every), steps) + RIDGE * np.eye(Z.shape[1])
+    return CoarseSpace(Z, cho_factor(E))
 
 
 def smooth_albedo(rows: Linearisation, splines: int) -> Array:

@@ -208,7 +208,7 @@ def refine(
             now = work.look(pictures, samples, state, check_cancelled)
             system = assemble(now.rows, now.state, work.terms)
             check_cancelled()
-            if directions is None:
+            if directions is None:  # the level's other steps are like the first one
                 directions = coarse_directions(system)
             step = system.solve(directions)
             check_cancelled()
