@@ -37,7 +37,7 @@ class LongOperator:
 
     def updated(self, context: bpy.types.Context) -> bpy.types.Object | None:
         """The face that the result goes into; None for a new one."""
-        return None
+        return scene.active_face(context)
 
     # Whether the user has left everything alone since the job began; otherwise the
     # result must not take selection, mode and view away.

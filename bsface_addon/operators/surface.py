@@ -93,9 +93,6 @@ class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator
             constraint=None if held is None else Constraint(held, self.softness),
         )
 
-    def updated(self, context):
-        return scene.active_face(context)
-
     def deliver(self, context, request, outcome):
         face = self.updated(context)
         if face is None:

@@ -12,7 +12,9 @@ from blender.checkout import load
 from mathutils import Matrix
 
 overlays = load("bsface_addon.estimate_overlay")
+expressions = load("bsface_addon.operators.expressions")
 reconstruct = load("bsface_addon.operators.reconstruct")
+surface_operators = load("bsface_addon.operators.surface")
 running = load("bsface_addon.operators.running")
 scene = load("bsface_addon.scene")
 session = load("bsface_addon.session")
@@ -200,6 +202,12 @@ def test_what_is_updated_is_what_the_estimate_lies_over(addon, solved, tmp_path)
     assert updated(asked, bpy.context) == state.face
     state.separate = True
     assert updated(asked, bpy.context) is None
+    # Fits that end in the face itself or in a key of it, whatever that setting is.
+    for other in (
+        surface_operators.BSFACE_OT_surface_refit,
+        expressions.BSFACE_OT_expression_key,
+    ):
+        assert other.updated(SimpleNamespace(), bpy.context) == state.face
 
 
 def test_nothing_is_left_after_the_result(window):
