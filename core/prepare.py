@@ -269,7 +269,7 @@ def collect_photos(
         photos=tuple(item.photo for item in used),
         landmarks=tuple(item.landmarks for item in used),
         failures=failures,
-        identity_warnings=(*warnings, *_drawings(used)),
+        identity_warnings=(*warnings, *_drawings(used), *_misplaced(used)),
         hints=hints,
         hashes=reader.hashes,
     )
@@ -385,6 +385,16 @@ def _drawings(used: Sequence[Candidate]) -> tuple[str, ...]:
     return (
         f"{', '.join(names)} may be drawn, painted or strongly retouched, so that its "
         f"shading is not the face's; look at {it}, and ignore {it} if so.",
+    )
+
+
+def _misplaced(used: Sequence[Candidate]) -> tuple[str, ...]:
+    names = [face.photo.name for face in used if face.misplaced]
+    if not names:
+        return ()
+    return (
+        f"The landmark files of {', '.join(names)} mark another place than the face "
+        "that is seen; look whether they belong to other photos.",
     )
 
 

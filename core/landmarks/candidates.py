@@ -122,8 +122,13 @@ class CandidateReader:
         if isinstance(found, PhotoFailure):
             self.names[digest] = name
             return found
-        notes = [*self._copied(photo), *self._elsewhere(photo, found[0])]
-        faces = tuple(self._judge(photo, landmarks, notes) for landmarks in found)
+        misplaced, notes = self._misplaced(photo, found[0]), self._copied(photo)
+        if misplaced:
+            notes.append(
+                "its landmark file marks another place than the face that is seen"
+            )
+        judged = (self._judge(photo, landmarks, notes) for landmarks in found)
+        faces = tuple(replace(face, misplaced=misplaced) for face in judged)
         # A copy with files of its own, or with none, may be of use where this photo is
         # left out for its mask or its landmark file.
         helped = photo.mask is not None or found[0].source == "file"
@@ -148,14 +153,14 @@ class CandidateReader:
         self.looks.append((photo.name, look))
         return [] if first is None else [f"looks like a copy of {first}"]
 
-    def _elsewhere(self, photo: Photo, given: Landmarks) -> list[str]:
-        """A note if landmarks of a file lie on no face that the detector sees."""
+    def _misplaced(self, photo: Photo, given: Landmarks) -> bool:
+        """Whether landmarks of a file lie on no face that the detector sees."""
         if given.source != "file" or not self.detect:
-            return []
+            return False
         try:
             seen = self._detect(photo, never_cancelled)
         except ReconstructionError:  # no models: nothing can be said
-            return []
+            return False
         indices = self.template.schemes[given.scheme]
         known = self.template.landmark_reliable[indices] & (given.weight > 0)
         size = self._fit(given.points, given.scheme, given.weight).eye_distance
@@ -166,9 +171,7 @@ class CandidateReader:
             for face in seen
             if known.any()
         ]
-        if not away or min(away) <= ELSEWHERE * size:
-            return []
-        return ["its landmark file marks another place than the face that is seen"]
+        return bool(away) and min(away) > ELSEWHERE * size
 
     def _find(
         self, photo: Photo, check_cancelled: CheckCancelled

@@ -27,6 +27,8 @@ class Candidate:
         As they were found, before they were reduced to the scheme that is asked for.
     drawn : bool
         It may be drawn or painted.
+    misplaced : bool
+        Its landmark file marks another place than every face that is seen.
     """
 
     photo: Photo
@@ -35,3 +37,4 @@ class Candidate:
     failure: PhotoFailure | None = None
     found: Landmarks | None = None
     drawn: bool = False
+    misplaced: bool = False

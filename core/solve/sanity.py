@@ -21,7 +21,7 @@ from ..surface.template import Template
 _GRID = 81
 # Of a coordinate, in any unit: beyond, squares lose their digits.
 _FARTHEST = 1e9
-_REMEDY = "use the method 'joint', more photos, or photos under more even light"
+_REMEDY = "use the default method and net, more photos, or photos under more even light"
 
 
 @dataclass(frozen=True)

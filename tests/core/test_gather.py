@@ -183,10 +183,12 @@ def test_landmark_files_beside_the_wrong_photos_get_a_doubt(models, folder):
             marks = seen[other].subset("68", TEMPLATE.schemes["68"])
             marks = replace(marks, points=marks.points + noise)
             write_landmarks(folder / f"{name[:3]}.pts", marks)
-        found = collect_photos(folder).landmarks
-        assert [marks.source for marks in found] == ["file"] * 3
-        doubts = ["marks another place" in marks.note for marks in found]
+        found = collect_photos(folder)
+        assert [marks.source for marks in found.landmarks] == ["file"] * 3
+        doubts = ["marks another place" in marks.note for marks in found.landmarks]
         assert doubts == [bool(shift)] * 3
+        said = [x for x in found.identity_warnings if "another place" in x]
+        assert len(said) == bool(shift) and all(", ".join(names) in x for x in said)
     notes = [marks.note for marks in collect_photos(folder, NO_DETECTOR).landmarks]
     assert notes == [""] * 3
 
