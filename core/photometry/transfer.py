@@ -93,8 +93,8 @@ def radiance_transfer(
     open_ = np.ones((len(uv), len(directions)))
     if shadows:
         cover = surface.grid(COVER, COVER).reshape(-1, 3)
-        for k, w in enumerate(directions):
-            camera = Camera(_facing(w), 1.0, np.zeros(2))
+        for k, R in enumerate(_facing(directions)):
+            camera = Camera(R, 1.0, np.zeros(2))
             open_[:, k] = ~occluded(cover, camera, points, CELL)
     return Transfer(directions, light_basis(directions, degree), open_)
 
@@ -114,9 +114,9 @@ def light_basis(directions: Array, degree: int) -> Array:
     return scale * np.asarray(np.stack(columns, 1), float)
 
 
-def _facing(w: Array) -> Array:
-    """Rotation whose camera stands in direction ``w``."""
-    up = np.eye(3)[np.abs(w).argmin()]
-    x = np.cross(up, w)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(w, x), w])
+def _facing(directions: Array) -> Array:
+    """Rotations (d, 3, 3) whose cameras stand in the directions (d, 3)."""
+    up = np.eye(3)[np.abs(directions).argmin(axis=1)]
+    x = np.cross(up, directions)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(directions, x), directions], 1)

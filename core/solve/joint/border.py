@@ -50,12 +50,16 @@ class Border:
         """Block of the displacement, ``(M*N, M*N)``."""
         T, c, V = self.rows.samples.T, self.rows.by_displacement, self.V
         total = sparse.csr_array((T[0].shape[1],) * 2)
-        for a in range(3):
-            for b in range(a + 1):
+        count = np.diff(T[0].indptr)
+        for b in range(3):
+            # T_a have their entries in the same places: one product for each b
+            data = np.zeros(len(T[0].data))
+            for a in range(3):
                 A = np.einsum("ip,ip->p", V[a], c[b])
                 A -= self.share[a] * self.share[b] * self.den
-                part = self._upright[a] @ sparse.diags_array(A) @ T[b]
-                total += part if a == b else part + part.T
+                data += np.repeat(A, count) * T[a].data
+            weighted = sparse.csr_array((data, T[0].indices, T[0].indptr), T[0].shape)
+            total += self._upright[b] @ weighted
         return total
 
     def right(self) -> tuple[Array, Array]:
