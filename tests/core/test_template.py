@@ -194,7 +194,10 @@ def broken_files(arrays, trace):
         "net too small": ("control_points", np.zeros((3, 3, 3))),
         "net not finite": ("control_points", arrays["control_points"] * np.nan),
         "net without end": ("control_points", arrays["control_points"] * 1e300),
-        "modes without end": ("identity_modes", arrays["identity_modes"] + 1e30),
+        "modes without end": (
+            "identity_modes",
+            arrays["identity_modes"].astype(float) + 1e160,
+        ),
         "net of text": ("control_points", np.array(["a", "b"])),
         "landmarks too few": ("landmark_uv", arrays["landmark_uv"][:10]),
         "landmarks not finite": ("landmark_xyz", arrays["landmark_xyz"] + np.inf),
