@@ -297,6 +297,16 @@ def put_photo(view, front, opacity=0.5):
         slot.alpha = opacity if front else 1.0
 
 
+def redraw(context: bpy.types.Context, kind: str) -> None:
+    """Redraw the regions of one kind of all 3D views: "WINDOW", "UI"."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == kind:
+                        region.tag_redraw()
+
+
 def views(context):
     """Region data of all 3D views."""
     for window in context.window_manager.windows:

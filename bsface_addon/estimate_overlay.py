@@ -16,6 +16,7 @@ from mathutils import Matrix, Vector
 
 from ..core._types import Array, Array32
 from ..core.surface.bspline import BSplineSurface, grid_parameters, grid_triangles
+from .cameras import redraw
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -115,7 +116,7 @@ class Overlay:
             self._handler = bpy.types.SpaceView3D.draw_handler_add(
                 self.draw, (), "WINDOW", "POST_VIEW"
             )
-        _redraw_views(context)
+        redraw(context, "WINDOW")
         return True
 
     def clear(self, context: bpy.types.Context) -> None:
@@ -124,7 +125,7 @@ class Overlay:
         if self.is_drawn:
             bpy.types.SpaceView3D.draw_handler_remove(self._handler, "WINDOW")
             self._handler = None
-            _redraw_views(context)
+            redraw(context, "WINDOW")
 
     def draw(self) -> None:
         """Draw into the view that Blender draws now."""
@@ -193,12 +194,3 @@ def _batches(estimate: Estimate) -> Callable[[], None]:
             gpu.state.blend_set("NONE")
 
     return draw
-
-
-def _redraw_views(context: bpy.types.Context) -> None:
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == "WINDOW":
-                        region.tag_redraw()

@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from ._types import Array, Array32
@@ -126,24 +125,25 @@ def solve(problem: Problem, clock: Clock | None = None) -> Reconstruction:
     """Motion, the method of the settings, and the result."""
     clock = clock or Clock(None)
     history: list[HistoryEntry] = []
+
+    def face() -> Array:
+        return as_result(problem, estimate.surface)
+
     clock.tell("motion", 0, 1, "estimating poses and landmarks")
     for iteration in motion(problem, clock.check_cancelled):
         history.append(HistoryEntry.of(iteration))
         estimate = iteration.estimate
-    face = partial(as_result, problem, estimate.surface)
     clock.tell("motion", 1, 1, "poses and landmarks estimated", face)
     clock.lap("motion")
     name = problem.settings.method
     if name in ("joint", "imls") and len(problem.photos) < FEWEST_FOR_SHADING:
         name = "motion"
     estimate = constrained(problem, select_neutral(problem, estimate))
-    face = partial(as_result, problem, estimate.surface)
     clock.tell("refine", 0, 1, "measuring light and shape", face)
     for iteration in METHODS[name](problem, estimate, clock.check_cancelled):
         history.append(HistoryEntry.of(iteration))
         estimate = iteration.estimate
         moved = f"{iteration.stage}: the surface moved {iteration.step_mm:.2f} mm"
-        face = partial(as_result, problem, estimate.surface)
         clock.tell("refine", iteration.done, iteration.total, moved, face)
     if problem.constraint is None:
         # The method has measured the expressions again.

@@ -206,9 +206,4 @@ def draw_status(header, context):
 
 def redraw(context: bpy.types.Context) -> None:
     """Redraw the sidebars of the 3D views, not the views: those are slow."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == "UI":
-                        region.tag_redraw()
+    cameras.redraw(context, "UI")

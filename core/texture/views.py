@@ -20,7 +20,12 @@ from ..drawing.rasterize import rasterize
 from ..images.photo import Photo
 from ..result import Reconstruction
 from ..surface.alignment import relative_size
-from ..surface.bspline import BSplineSurface, dense_basis, grid_triangles
+from ..surface.bspline import (
+    BSplineSurface,
+    dense_basis,
+    grid_triangles,
+    unit_normals,
+)
 
 Picture = npt.NDArray[np.float32]
 
@@ -87,9 +92,7 @@ def surface_maps(surface: BSplineSurface, size: int) -> SurfaceMaps:
         half = np.einsum("pm,mnc->pnc", along_u, surface.control_points)
         return np.einsum("qn,pnc->qpc", along_v, half, optimize=True)
 
-    normals = np.cross(evaluate(0, 1), evaluate(1, 0))
-    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
-    return SurfaceMaps(evaluate(0, 0), normals)
+    return SurfaceMaps(evaluate(0, 0), unit_normals(evaluate(1, 0), evaluate(0, 1)))
 
 
 def view_photo(

@@ -8,7 +8,9 @@ from unittest.mock import MagicMock
 import bpy
 import numpy as np
 import pytest
+from blender import modal_events
 from blender.checkout import load
+from blender.modal_events import ESC, TIMER
 from mathutils import Matrix
 
 overlays = load("bsface_addon.estimate_overlay")
@@ -22,8 +24,6 @@ surface_object = load("bsface_addon.surface_object")
 errors = load("core.errors")
 Step = load("core.progress").Step
 load_template = load("core.surface.template").load_template
-TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
-ESC = SimpleNamespace(type="ESC", value="PRESS")
 
 
 def net(scale=1.0):
@@ -121,12 +121,7 @@ def begin(window, last=None, face=None):
 
 def until_end(operator, window):
     operator.go.set()
-    for _ in range(400):
-        result = operator.modal(window, TIMER)
-        if result != {"PASS_THROUGH"}:
-            return result
-        time.sleep(0.01)
-    raise AssertionError("the operator did not end")
+    return modal_events.until_end(operator, window)
 
 
 def overlay():

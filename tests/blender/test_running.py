@@ -10,14 +10,13 @@ from unittest.mock import MagicMock
 import bpy
 import pytest
 from blender.checkout import load
+from blender.modal_events import ESC, TIMER, until_end
 
 running = load("bsface_addon.operators.running")
 session = load("bsface_addon.session")
 job = load("bsface_addon.job")
 errors = load("core.errors")
 Step = load("core.progress").Step
-TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
-ESC = SimpleNamespace(type="ESC", value="PRESS")
 MOUSE = SimpleNamespace(type="MOUSEMOVE", value="NOTHING")
 
 
@@ -58,15 +57,6 @@ def started(window, solve):
     operator = Started()
     assert operator.start(window) == {"RUNNING_MODAL"}
     return operator
-
-
-def until_end(operator, window):
-    for _ in range(400):
-        result = operator.modal(window, TIMER)
-        if result != {"PASS_THROUGH"}:
-            return result
-        time.sleep(0.01)
-    raise AssertionError("the operator did not end")
 
 
 def assert_cleaned(operator, window):

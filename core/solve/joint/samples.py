@@ -9,7 +9,7 @@ from scipy import sparse
 
 from ..._types import Array
 from ...photometry.transfer import Transfer, radiance_transfer
-from ...surface.bspline import BSplineSurface, basis_matrix
+from ...surface.bspline import BSplineSurface, basis_matrix, unit_normals
 from ...surface.template import Template
 from .options import Level
 from .state import State
@@ -63,9 +63,7 @@ class Samples(NamedTuple):
         X, fu, fv = (
             t @ surface.vector + np.tensordot(expressions, move, 1) for t, move in at
         )
-        N = np.cross(fv, fu)
-        N /= np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-12)
-        return Geometry(X, N, *contravariant(fu, fv))
+        return Geometry(X, unit_normals(fu, fv), *contravariant(fu, fv))
 
 
 def contravariant(fu: Array, fv: Array) -> tuple[Array, Array]:
