@@ -81,7 +81,14 @@ def rasterize(
     area = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
     usable = np.isfinite(corners).all(axis=(1, 2)) & (low <= high).all(axis=1)
     usable &= np.abs(area) > 1e-12
-    extent = np.where(usable, (high - low).max(axis=1), -1.0)
+    span = np.where(usable[:, None], high - low, -1.0)
+    extent = span.max(axis=1)
+    # Weights of the second and third vertex: at the box's first pixel, per pixel.
+    per_area = np.divide(1.0, area, out=np.zeros_like(area), where=usable)[:, None]
+    slope1 = per_area * np.stack([edge2[:, 1], -edge2[:, 0]], axis=1)
+    slope2 = per_area * np.stack([-edge1[:, 1], edge1[:, 0]], axis=1)
+    local = low - corners[:, 0]
+    first1, first2 = (local * slope1).sum(axis=1), (local * slope2).sum(axis=1)
     vertex_depth = np.asarray(depth, dtype=float)[triangles]
 
     smaller = -1.0
@@ -97,20 +104,17 @@ def rasterize(
         offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         for start in range(0, group.size, block):
             part = group[start : start + block]
-            pixel = low[part, None, :] + offsets[None]
-            inside = (pixel <= high[part, None, :]).all(axis=2)
-            local = pixel - corners[part, None, 0]
-            w1 = local[..., 0] * edge2[part, None, 1]
-            w1 = (w1 - local[..., 1] * edge2[part, None, 0]) / area[part, None]
-            w2 = local[..., 1] * edge1[part, None, 0]
-            w2 = (w2 - local[..., 0] * edge1[part, None, 1]) / area[part, None]
+            w1 = first1[part, None] + slope1[part] @ offsets.T
+            w2 = first2[part, None] + slope2[part] @ offsets.T
             # A hair of slack: neighbours must not leave a crack between them.
-            inside &= (w1 >= -1e-9) & (w2 >= -1e-9) & (w1 + w2 <= 1 + 1e-9)
+            inside = (w1 >= -1e-9) & (w2 >= -1e-9) & (w1 + w2 <= 1 + 1e-9)
+            for axis in (0, 1):
+                inside &= offsets[:, axis] <= span[part, axis, None]
             which, offset = np.nonzero(inside)
             w1, w2 = w1[which, offset], w2[which, offset]
             weight = np.stack([1.0 - w1 - w2, w1, w2], axis=1)
             z = np.einsum("nc,nc->n", weight, vertex_depth[part[which]])
-            at = pixel[which, offset].astype(np.int64)
+            at = low[part[which]].astype(np.int64) + offsets[offset]
             index = at[:, 1] * width + at[:, 0]
             # The nearest fragment of a pixel is the last after sorting by depth.
             order = np.lexsort((z, index))

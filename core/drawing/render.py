@@ -143,8 +143,10 @@ class View:
         The pixels are that many times finer.
     uv : (n, 2) array
         Parameters that the covered pixels see.
-    normal : (n, 3) array
-        Unit normals there, in view coordinates.
+    brightness : (n, 3) array
+        Of a white surface there.
+    behind : (n,) bool array
+        Pixels that see the inside of the shell.
     rows, columns : (n,) int arrays
         Where the pixels lie.
     """
@@ -152,7 +154,8 @@ class View:
     size: tuple[int, int]
     supersampling: int
     uv: Array
-    normal: Array
+    brightness: Array
+    behind: npt.NDArray[np.bool_]
     rows: npt.NDArray[np.int64]
     columns: npt.NDArray[np.int64]
 
@@ -168,9 +171,8 @@ class View:
         else:
             picture = np.asarray(colours)[..., :3]
             base = read_picture(picture, self.uv) / float(np.iinfo(picture.dtype).max)
-        lit = base * (1 - shading) + base * _studio(self.normal) * shading
-        # The inside of the shell, seen from behind, in plain dark grey.
-        lit[self.normal[:, 2] < 0] = (0.35, 0.35, 0.37)
+        lit = base * (1 - shading + shading * self.brightness)
+        lit[self.behind] = (0.35, 0.35, 0.37)
         width, height = self.size
         canvas = np.empty((height * self.supersampling, width * self.supersampling, 3))
         canvas[:] = np.asarray(background, float) / 255
@@ -192,8 +194,15 @@ def look_at(
     rotation = np.eye(3) if rotation is None else np.asarray(rotation, float)
     used = np.unique(grid.triangles)
     if used.size == 0:
-        nothing, nowhere = np.zeros((0, 3)), np.zeros(0, np.int64)
-        return View(size, supersampling, nothing[:, :2], nothing, nowhere, nowhere)
+        return View(
+            size=size,
+            supersampling=supersampling,
+            uv=np.zeros((0, 2)),
+            brightness=np.zeros((0, 3)),
+            behind=np.zeros(0, bool),
+            rows=np.zeros(0, np.int64),
+            columns=np.zeros(0, np.int64),
+        )
     if centre is None:
         low, high = grid.points[used].min(axis=0), grid.points[used].max(axis=0)
         centre = (low + high) / 2
@@ -205,14 +214,24 @@ def look_at(
     scale = supersampling / mm_per_pixel
     xy = view[:, :2] * (scale, -scale) + ((width - 1) / 2, (height - 1) / 2)
     raster = rasterize(xy, view[:, 2], grid.triangles, (width, height))
-    uv = raster.interpolate(grid.uv, grid.triangles)
-    normal = raster.interpolate(grid.normals, grid.triangles) @ rotation.T
+    known = np.concatenate([grid.uv, grid.normals], axis=1)
+    uv, normal = np.split(raster.interpolate(known, grid.triangles), [2], axis=1)
+    normal = normal @ rotation.T
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     rows, columns = np.nonzero(raster.covered)
     keep = np.ones(len(uv), bool)
     if grid.inside is not None:
         keep = look_up(grid.inside, uv)
-    return View(size, supersampling, uv[keep], normal[keep], rows[keep], columns[keep])
+    normal = normal[keep]
+    return View(
+        size=size,
+        supersampling=supersampling,
+        uv=uv[keep],
+        brightness=_studio(normal),
+        behind=normal[:, 2] < 0,
+        rows=rows[keep],
+        columns=columns[keep],
+    )
 
 
 def shaded_view(

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._types import Array
-from ..gram import gram
+from ..gram import gram, product
 from ..progress import CheckCancelled, never_cancelled
 from . import harmonics
 
@@ -137,16 +137,12 @@ def solve_lights(
     robust weights; ``ridge`` may be one of each harmonic, (k,).
     """
     n, order = len(values), Y.shape[2]
-    lights = np.empty((n, order))
-    design = albedo[:, None] * Y[0]
-    for i in range(n):
-        if i and len(Y) > 1:
-            design = albedo[:, None] * Y[i]
-        A = gram(np.sqrt(W[i])[:, None] * design)
-        scale = np.trace(A) / order + 1e-9
-        A += scale * ridge * np.eye(order)
-        lights[i] = np.linalg.solve(A, design.T @ (W[i] * values[i]))
-    return lights
+    energy, seen = np.sqrt(W) * albedo, W * albedo * values
+    A = np.stack([gram(energy[i][:, None] * Y[i % len(Y)]) for i in range(n)])
+    b = product(seen, Y[0]) if len(Y) == 1 else np.matmul(seen[:, None], Y)[:, 0]
+    scale = np.trace(A, axis1=1, axis2=2)[:, None, None] / order + 1e-9
+    A += scale * ridge * np.eye(order)
+    return np.linalg.solve(A, b[..., None])[..., 0]
 
 
 def shading_of(lights: Array, Y: Array) -> Array:

@@ -120,7 +120,7 @@ def occluded(
 ) -> NDArray[np.bool_]:
     """As `occlusion`, for a surface that is given by dense points."""
     cell = cell_mm * camera.s
-    both = np.concatenate([cover, points])
+    both = points if points is cover else np.concatenate([cover, points])
     depth = both @ camera.R[2]
     at = np.ascontiguousarray(camera.project(both).T)
     column, row = np.floor(at / cell).astype(np.int64)
@@ -128,7 +128,8 @@ def occluded(
     key = (row - row.min()) * (column.max() + 1) + column
     nearest = np.full(key.max() + 1, -np.inf)
     np.maximum.at(nearest, key[: len(cover)], depth[: len(cover)])
-    return nearest[key[len(cover) :]] > depth[len(cover) :] + DEPTH_MARGIN
+    asked = slice(len(both) - len(points), None)
+    return nearest[key[asked]] > depth[asked] + DEPTH_MARGIN
 
 
 def view_weights(

@@ -44,7 +44,7 @@ from .blend import (
 from .delit import delit_photos, telling
 from .detail import Detail, measure_detail
 from .light import PhotoLights
-from .views import resized
+from .views import channel_mean, resized
 
 Picture = npt.NDArray[np.float32]
 
@@ -181,9 +181,8 @@ def bake_texture(
     measured_fine = resized(measured.astype(np.float32), size) > 0.5
     albedo = np.clip(albedo, 0, None)
     mean_light = delit.lights.mean_shading(delit.basis)
-    difference = np.abs(coarse - base).mean(axis=3) / np.maximum(
-        base.mean(axis=2), 1e-4
-    )
+    level = np.maximum(channel_mean(base), 1e-4)
+    difference = channel_mean(np.abs(coarse - base)) / level
     residual = (difference * average).sum(axis=0) / np.maximum(
         average.sum(axis=0), 1e-9
     )

@@ -18,9 +18,16 @@ from ..images.photo import Photo
 from ..photometry.skin import SkinMask, skin_masks
 from ..progress import CheckCancelled
 from ..result import Reconstruction
-from .blend import COARSE, consensus, explained
+from .blend import COARSE, consensus, explained, weighted_median
 from .light import PhotoLights, Sky, estimate_lights, open_sky
-from .views import View, faces_of, prefiltered, sample, surface_maps, view_photo
+from .views import (
+    View,
+    channel_mean,
+    faces_of,
+    prefiltered,
+    sample,
+    view_photos,
+)
 
 Picture = npt.NDArray[np.float32]
 Tell = Callable[[float], None]
@@ -93,9 +100,8 @@ def delit_photos(
     """
     photos, cameras = reconstruction.photos, reconstruction.cameras
     faces = faces_of(reconstruction)
-    seen = zip(faces, photos, cameras, strict=True)
-    seen = telling(seen, tell, 0.0, 0.12, len(photos))
-    views = [view_photo(f, surface_maps(f, COARSE), p, c) for f, p, c in seen]
+    seen = view_photos(reconstruction, COARSE)
+    views = list(telling(seen, tell, 0.0, 0.12, len(photos)))
     natural = natural_size(views)
     size = size or natural
     pairs = telling(zip(photos, views, strict=True), tell, 0.12, 0.15, len(photos))
@@ -120,15 +126,13 @@ def delit_photos(
     shading = np.stack([lights.shading(i, basis) for i in range(len(views))])
     colours /= shading
     # Dark places of a photo tell less about the skin.
-    weight = weight * np.clip(shading.mean(axis=3), 0, 2) ** 2
+    weight = weight * np.clip(channel_mean(shading), 0, 2) ** 2
     neutral = _calmness(reconstruction)
     weight = weight * neutral[:, None, None]
     tell(0.24)
-    base, agreement = consensus(colours, weight, lambda: tell(0.24))
-    fit = explained(colours, weight, base)
-    if fit.min() < 1:
-        weight = weight * fit[:, None, None]
-        base, agreement = consensus(colours, weight, lambda: tell(0.25))
+    middle = weighted_median(colours, weight, lambda: tell(0.24))
+    weight = weight * explained(colours, weight, middle)[:, None, None]
+    base, agreement = consensus(colours, weight, middle, lambda: tell(0.25))
     tell(0.27)
     return DelitPhotos(
         sources=sources,
@@ -178,7 +182,7 @@ def _skin_seen(
 
 def _well_exposed(colours: Picture) -> Picture:
     """0 for burnt-out or black texels, 1 for the rest; (n, S, S)."""
-    brightest = colours.max(axis=3)
+    brightest = np.maximum.reduce([colours[..., c] for c in range(3)])
     return np.clip((0.98 - brightest) / 0.08, 0.02, 1) * np.clip(
         brightest / 0.004, 0.02, 1
     )

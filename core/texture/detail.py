@@ -35,7 +35,7 @@ from ..surface.template import Template
 from .blend import COARSE, inner_part
 from .delit import DelitPhotos
 from .height import SlopeEvidence, solve_height
-from .views import prefiltered, resized, sample, texel_centres
+from .views import channel_mean, prefiltered, resized, sample, texel_centres
 
 Picture = npt.NDArray[np.float32]
 
@@ -115,6 +115,8 @@ class PhotoDetail:
     tangents : Tangents
     size : int
         Texels a side.
+    usual : float
+        Weight of a photo that sees a texel well.
     """
 
     delit: DelitPhotos
@@ -123,6 +125,7 @@ class PhotoDetail:
     slopes: list[Picture]
     tangents: Tangents
     size: int
+    usual: float
 
     @classmethod
     def of(cls, reconstruction: Reconstruction, delit: DelitPhotos) -> PhotoDetail:
@@ -135,32 +138,33 @@ class PhotoDetail:
         surface = reconstruction.surface
         sigma = _cut(surface, COARSE)
         own = [
-            _blurred_over(np.log(np.maximum(c, _DARK)).mean(axis=2), w > 0, sigma)
+            _blurred_over(channel_mean(np.log(np.maximum(c, _DARK))), w > 0, sigma)
             for c, w in zip(delit.colours, delit.weight, strict=True)
         ]
         slopes = list(delit.sky.slopes(delit.lights.coefficients, COARSE))
-        return cls(delit, sources, own, slopes, tangents_of(surface, size), size)
+        usual = float(np.percentile(delit.weight[delit.weight > 0], 90))
+        tangents = tangents_of(surface, size)
+        return cls(delit, sources, own, slopes, tangents, size, usual)
 
     def rows(self, rows: slice) -> tuple[Picture, Picture, Picture]:
-        """``d`` (n, r, S), ``h`` (n, r, S, 2) and weights (n, r, S) of some rows."""
+        """``d`` (n, r, S), ``h`` (2, n, r, S) and weights (n, r, S) of some rows."""
         delit, size, tangents = self.delit, self.size, self.tangents
-        usual = np.percentile(delit.weight[delit.weight > 0], 90)
         shape = len(delit.views), rows.stop - rows.start, size
         d, weight = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-        h = np.zeros((*shape, 2), np.float32)
+        h = np.zeros((2, *shape), np.float32)
         for i, view in enumerate(delit.views):
             # Neighbouring texels of one pixel say the same: they share its weight.
-            share = min((view.resolution / size) ** 2, 1.0) / usual
+            share = min((view.resolution / size) ** 2, 1.0) / self.usual
             weight[i] = share * np.maximum(resized(delit.weight[i], size, rows), 0)
             if not weight[i].any():
                 continue
             colours = sample(self.sources[i], resized(view.xy, size, rows))
             shading = resized(delit.shading[i], size, rows)
             colours = np.maximum(colours, _DARK) / np.maximum(shading, 1e-6)
-            d[i] = np.log(colours).mean(axis=2) - resized(self.own[i], size, rows)
+            d[i] = channel_mean(np.log(colours)) - resized(self.own[i], size, rows)
             slope = resized(self.slopes[i], size, rows)
             for k, dual in enumerate((tangents.dual_u, tangents.dual_v)):
-                h[i, ..., k] = -np.einsum("vuc,vuc->vu", slope, dual[rows])
+                h[k, i] = -3 * channel_mean(slope * dual[rows])
         return d, h, weight
 
 
@@ -288,7 +292,7 @@ def slope_equations(
     ----------
     d : (n, ...) array
         Logarithmic colours of n photos without their light.
-    h : (n, ..., 2) array
+    h : (2, n, ...) array
         Their derivatives by the slopes.
     weight : (n, ...) array
     rounds : int
@@ -312,7 +316,7 @@ def slope_equations(
     for _ in range(rounds):
         part = robust / np.maximum(robust.sum(axis=0), 1e-12)
         rest = d - total_of(part, d)
-        turned = [h[..., k] - total_of(part, h[..., k]) for k in (0, 1)]
+        turned = [column - total_of(part, column) for column in h]
         for k, column in enumerate(turned):
             weighted = robust * column
             b[..., k] = total_of(weighted, rest)

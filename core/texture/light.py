@@ -17,10 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array
+from ..gram import gram
 from ..photometry.transfer import Transfer, radiance_transfer
 from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface
-from .views import resized, texel_centres
+from .views import channel_mean, resized, texel_centres
 
 Picture = npt.NDArray[np.float32]
 
@@ -191,10 +192,7 @@ def estimate_lights(
     for step in range(iterations):
         for i in range(n):
             check_cancelled()
-            for c in range(3):
-                lights[i, :, c] = _fit_light(
-                    intensity[i, :, c], albedo[:, c], weight[i], basis
-                )
+            lights[i] = _fit_light(intensity[i], albedo, weight[i], basis, lights[i])
         shading = np.einsum("pk,ikc->ipc", basis, lights)
         floor = DARKEST * np.einsum("k,ikc->ic", front, lights)
         shading = np.maximum(shading, np.maximum(floor, 1e-6)[:, None])
@@ -211,29 +209,36 @@ def estimate_lights(
     return PhotoLights(lights, front), albedo
 
 
-def _fit_light(value: Array, albedo: Array, weight: Array, basis: Array) -> Array:
-    """Robust ridge least squares of one channel of one photo, (9,)."""
-    design = albedo[:, None] * basis
-    used = (weight > 0) & (albedo > 0)
+def _fit_light(
+    colours: Array, albedo: Array, weight: Array, basis: Array, start: Array
+) -> Array:
+    """Robust ridge least squares of the light of one photo, (k, 3).
+
+    ``start`` (k, 3) says which colours are outliers, unless it is 0.
+    """
+    used = (weight > 0) & (albedo > 0).all(axis=1)
     order = basis.shape[1]
-    light = np.zeros(order)
+    light = start
     if not used.any():
+        light = np.zeros_like(start)
         light[0] = 1.0
         return light
-    design, value, weight = design[used], value[used], weight[used]
-    level = max(float(np.median(value)), 1e-6)
+    basis, albedo, colours = basis[used], albedo[used], colours[used]
+    level = np.maximum(np.median(colours, axis=0), 1e-6)
+    # One matrix for the three channels: what is fitted is colour over albedo.
+    shading, energy = colours / albedo, weight[used] * channel_mean(albedo**2)
     degree = np.sqrt(np.arange(order)).astype(int)
     strength = np.diag(np.select([degree == 0, degree == 1], [1e-6, 0.3], 1.0))
-    robust = weight.copy()
-    for _ in range(4):
-        normal = design.T @ (design * robust[:, None])
+    for _ in range(2 if start.any() else 4):
+        robust = energy
+        if light.any():
+            residual = albedo * (shading - basis @ light) / level
+            # One weight too: an outlier is one as a colour.
+            robust = energy / (1 + channel_mean(residual**2) / _SCALE**2)
+        normal = gram(np.sqrt(robust)[:, None] * basis)
         scale = np.trace(normal) / order
-        light = np.linalg.solve(
-            normal + _RIDGE * scale * strength + 1e-12 * np.eye(order),
-            design.T @ (robust * value),
-        )
-        residual = (value - design @ light) / level
-        robust = weight / (1 + (residual / _SCALE) ** 2)
+        normal += _RIDGE * scale * strength + 1e-12 * np.eye(order)
+        light = np.linalg.solve(normal, basis.T @ (robust[:, None] * shading))
     return light
 
 
@@ -246,7 +251,7 @@ def _fit_albedo(intensity: Array, shading: Array, weight: Array, start: Array) -
     for _ in range(3):
         residual = (ratio - albedo) / np.maximum(albedo, 1e-6)
         # One weight for the three channels: an outlier is one as a colour.
-        size = (residual**2).mean(axis=2, keepdims=True)
+        size = channel_mean(residual**2)[..., None]
         robust = trust / (1 + size / _SCALE**2)
         total = robust.sum(axis=0)
         albedo = np.divide(

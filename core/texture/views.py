@@ -1,13 +1,14 @@
 """What each photo sees of the surface, on a grid over (u, v).
 
 For every photo: where each texel lies in it, how well it is seen there (angle,
-occlusion by a z-buffer, resolution, border of the picture), and its colours.
+occlusion, resolution, border of the picture), and its colours.
 Pictures over (u, v) have row 0 at v = 0, and texel (row, column) of a picture of size S
 stands for u = (column + 1/2) / S, v = (row + 1/2) / S.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -16,25 +17,18 @@ import numpy.typing as npt
 
 from .._types import Array
 from ..camera.camera import Camera
-from ..drawing.rasterize import rasterize
 from ..images.photo import Photo
+from ..photometry.sampling import occluded
 from ..result import Reconstruction
 from ..surface.alignment import relative_size
-from ..surface.bspline import (
-    BSplineSurface,
-    dense_basis,
-    grid_triangles,
-    unit_normals,
-)
+from ..surface.bspline import BSplineSurface, dense_basis, unit_normals
 
 Picture = npt.NDArray[np.float32]
 
 #: Cosine of the viewing angle at which a photo starts to count.
 GRAZING = 0.12
-#: A point is hidden when the surface in front of it is this much nearer, mm.
-DEPTH_MARGIN = 3.0
-#: Longer side of the z-buffer's picture, pixels.
-DEPTH_SIZE = 220
+#: Side of a depth cell, mm: the texels of a coarse picture fill them.
+CELL = 0.8
 
 
 @dataclass(frozen=True)
@@ -95,16 +89,13 @@ def surface_maps(surface: BSplineSurface, size: int) -> SurfaceMaps:
     return SurfaceMaps(evaluate(0, 0), unit_normals(evaluate(1, 0), evaluate(0, 1)))
 
 
-def view_photo(
-    surface: BSplineSurface, maps: SurfaceMaps, photo: Photo, camera: Camera
-) -> View:
+def view_photo(maps: SurfaceMaps, photo: Photo, camera: Camera) -> View:
     """Where and how well a photo sees each texel.
 
     Parameters
     ----------
-    surface : BSplineSurface
     maps : SurfaceMaps
-        Of the same surface.
+        Of the face as it is in this photo.
     photo : Photo
     camera : Camera
 
@@ -131,7 +122,9 @@ def view_photo(
         np.minimum(xy[..., 1], height - 1 - xy[..., 1]),
     )
     weight = weight * np.clip(border / (0.02 * max(width, height)), 0, 1)
-    visible = _visible(surface, maps, camera).astype(np.float32)
+    points = maps.points.reshape(-1, 3)
+    hidden = occluded(points, camera, points, CELL).reshape(facing.shape)
+    visible = (~hidden).astype(np.float32)
     # Step back from the rim of what is hidden (poses are never exact), softly.
     reach = 2 * max(1, round(maps.size / 100)) + 1
     visible = cv2.erode(visible, np.ones((reach, reach), np.uint8))
@@ -140,29 +133,6 @@ def view_photo(
     seen = weight > 0.2 * weight.max(initial=1e-12)
     resolution = maps.size * float(np.sqrt(np.median(area[seen]))) if seen.any() else 0
     return View(xy, weight.astype(np.float32), resolution)
-
-
-def _visible(
-    surface: BSplineSurface, maps: SurfaceMaps, camera: Camera
-) -> npt.NDArray[np.bool_]:
-    """(S, S) bool: not hidden by the surface itself."""
-    count = 110
-    cover = surface.grid(count, count).reshape(-1, 3)
-    flat = camera.project(cover)
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    scale = DEPTH_SIZE / max(float((high - low).max()), 1e-9)
-    width, height = (int(s) for s in np.ceil((high - low) * scale) + 2)
-    raster = rasterize(
-        (flat - low) * scale,
-        cover @ camera.R[2],
-        grid_triangles(count, count),
-        (width, height),
-    )
-    at = (camera.project(maps.points) - low) * scale
-    column = np.clip(np.round(at[..., 0]), 0, width - 1).astype(int)
-    row = np.clip(np.round(at[..., 1]), 0, height - 1).astype(int)
-    depth = maps.points @ camera.R[2]
-    return depth > raster.depth[row, column] - DEPTH_MARGIN
 
 
 def sample(photo_linear: Picture, xy: Picture) -> Picture:
@@ -175,6 +145,11 @@ def sample(photo_linear: Picture, xy: Picture) -> Picture:
         borderMode=cv2.BORDER_REPLICATE,
     )
     return np.asarray(found, np.float32)
+
+
+def channel_mean(colours: Array | Picture) -> Picture:
+    """Mean over the channels of (..., 3); NumPy's own is slow over an axis of three."""
+    return np.asarray(colours @ np.full(3, 1 / 3, colours.dtype))
 
 
 def prefiltered(photo: Photo, view: View, size: int) -> Picture:
@@ -232,14 +207,15 @@ def faces_of(reconstruction: Reconstruction) -> list[BSplineSurface]:
     ]
 
 
-def view_photos(reconstruction: Reconstruction, size: int) -> list[View]:
+def view_photos(reconstruction: Reconstruction, size: int) -> Iterator[View]:
     """`view_photo` for every photo, each on the face with its own expression."""
-    return [
-        view_photo(face, surface_maps(face, size), photo, camera)
-        for face, photo, camera in zip(
-            faces_of(reconstruction),
-            reconstruction.photos,
-            reconstruction.cameras,
-            strict=True,
-        )
-    ]
+    surface = maps = None
+    for face, photo, camera in zip(
+        faces_of(reconstruction),
+        reconstruction.photos,
+        reconstruction.cameras,
+        strict=True,
+    ):
+        if maps is None or face is not surface:
+            surface, maps = face, surface_maps(face, size)
+        yield view_photo(maps, photo, camera)

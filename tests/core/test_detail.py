@@ -67,9 +67,9 @@ def found(rippled):
 
 def test_slopes_and_noise_of_known_lights_are_recovered():
     rng = np.random.default_rng(0)
-    h = rng.normal(size=(12, 20, 30, 2))
+    h = rng.normal(size=(2, 12, 20, 30))
     slopes = rng.normal(size=(20, 30, 2))
-    d = rng.normal(size=(20, 30)) + np.einsum("nrsa,rsa->nrs", h, slopes)
+    d = rng.normal(size=(20, 30)) + np.einsum("anrs,rsa->nrs", h, slopes)
     d += rng.normal(0, 0.01, d.shape)
     d[rng.random(d.shape) < 0.05] -= 1.0  # cast shadows
     A, b, noise = slope_equations(d, h, np.ones(d.shape), rounds=20)
@@ -81,12 +81,12 @@ def test_slopes_and_noise_of_known_lights_are_recovered():
 def test_photos_of_one_light_and_too_few_photos_tell_nothing():
     rng = np.random.default_rng(0)
     d = rng.normal(size=(8, 6, 6))
-    alike = np.broadcast_to(rng.normal(size=(6, 6, 2)), (8, 6, 6, 2))
+    alike = np.broadcast_to(rng.normal(size=(2, 1, 6, 6)), (2, 8, 6, 6))
     A, b, _ = slope_equations(d, alike, np.ones(d.shape))
     np.testing.assert_allclose(A, 0, atol=1e-12)
     np.testing.assert_allclose(b, 0, atol=1e-12)
     for count in (1, 2, 3, 4):
-        h = rng.normal(size=(count, 6, 6, 2))
+        h = rng.normal(size=(2, count, 6, 6))
         noise = slope_equations(d[:count], h, np.ones((count, 6, 6)))[2]
         assert np.isinf(noise).all()
 
