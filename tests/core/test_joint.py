@@ -140,7 +140,9 @@ def iterations(problem, estimate, pictures, options):
 
 def first_step(template, prior, surface, views, pictures, expression=0.0):
     """One iteration on analytic pictures, without landmarks."""
-    options = JointOptions((Level(3.0, 1, 14, 6),), landmark_weight=0, max_step_mm=1e9)
+    options = JointOptions(
+        (Level(3.0, 1, 14, 6),), landmark_weight=0, max_step_mm=1e9, tolerance=1e-9
+    )
     problem, estimate = start(template, prior, surface, views, expression)
     (one,) = iterations(problem, estimate, pictures, options)
     return one
@@ -463,6 +465,21 @@ def test_step_is_that_of_the_dense_system(case, prior):
         np.testing.assert_allclose(
             camera.project(points), expected.project(points), atol=1e-3
         )
+
+
+def test_no_photo_is_preferred(template, prior):
+    """The step is the same for another order, however early the gradients stop."""
+    views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
+    options = JointOptions((Level(3.0, 1, 14, 6),), max_step_mm=1e9, tolerance=0.1)
+    found = []
+    for order in (1, -1):
+        problem, estimate = start(template, prior, template.surface, views[::order])
+        own = 1.5 * np.arange(PHOTOS)[::order, None]
+        begin = replace(estimate, expressions=own)
+        (one,) = iterations(problem, begin, pictures[::order], options)
+        found.append(one.state.surface.vector)
+    size = np.abs(found[0] - template.surface.vector).max()
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9 * size)
 
 
 def dense_deviation(one, prior):

@@ -28,10 +28,13 @@ if TYPE_CHECKING:
 #: and those of the displacement.
 SPLINES = 6
 #: The small matrix of this space is measured on about this many samples.
-SAMPLES = 600
+SAMPLES = 400
 #: Added to its diagonal: below the smallest eigenvalue of usual systems, enough where
 #: a photo has none of these samples.
 RIDGE = 1e-6
+#: Directions are dropped whose part that others do not have is smaller than this part
+#: of the largest one.
+LEAST = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +78,10 @@ def coarse_space(system: BorderedSystem, directions: Array) -> CoarseSpace:
     """
     n, m, _ = directions.shape
     upright = system.whitening.transpose(0, 2, 1)
-    Z = np.linalg.qr(np.linalg.solve(upright, directions).reshape(n * m, -1))[0]
+    Z, R = np.linalg.qr(np.linalg.solve(upright, directions).reshape(n * m, -1))
+    # Of directions that depend on others, what is left is rounding.
+    U, strength, _ = np.linalg.svd(R)
+    Z = product(Z, U[:, strength > LEAST * strength[0]])
     steps = np.matmul(upright, Z.reshape(n, m, -1))
     every = max(1, len(system.intensities.den) // SAMPLES)
     E = _energy(system.thinned(every), steps) + RIDGE * np.eye(Z.shape[1])
@@ -83,9 +89,12 @@ def coarse_space(system: BorderedSystem, directions: Array) -> CoarseSpace:
 
 
 def smooth_albedo(rows: Linearisation, splines: int) -> Array:
-    """Changes of the albedo that harmonics and splines span, ``(p, q)``."""
+    """Changes of the albedo that harmonics and splines span, ``(p, q)``.
+
+    The harmonics are those of the mean photo, so that no order of them is preferred.
+    """
     basis = basis_matrix((splines, splines), *rows.samples.uv.T).toarray()
-    return rows.albedo[:, None] * np.concatenate([rows.harmonics[0], basis], 1)
+    return rows.albedo[:, None] * np.concatenate([rows.harmonics.mean(0), basis], 1)
 
 
 def smooth_displacements(system: BorderedSystem) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.blas import dsyrk
-from scipy.linalg.lapack import dpotri
+from scipy.linalg.lapack import dtrtri
 
 from ..._types import Array
 from ...gram import gram, mirror_lower, product
@@ -99,15 +99,12 @@ def displacement_deviation(
     prior = cho_factor(np.eye(D.shape[1]) + D.T @ KD)
     total[:size, :size] -= KD @ cho_solve(prior, KD.T)
     total[:size, :size] += (known + K).toarray()
-    inner = cho_factor(total[size:, size:])
+    inner = np.linalg.cholesky(total[size:, size:])
     left = total[:size, :size]
-    left -= total[:size, size:] @ cho_solve(inner, total[size:, :size])
-    factor = np.linalg.cholesky(left)
-    del total, left, eliminated
-    covariance, info = dpotri(factor.T, lower=0, overwrite_c=1)
-    if info:
-        raise np.linalg.LinAlgError("the precision of the displacement is singular")
-    return np.sqrt(np.diag(covariance))
+    left -= gram(solve_triangular(inner, total[size:, :size], lower=True))
+    # The diagonal of (L L^T)^-1 are the squares of the columns of L^-1.
+    root = dtrtri(np.linalg.cholesky(left).T)[0]
+    return np.linalg.norm(root, axis=1)
 
 
 def _leverage(F: Array) -> Array:

@@ -210,7 +210,7 @@ def refine(
             check_cancelled()
             if directions is None:  # the level's other steps are like the first one
                 directions = coarse_directions(system)
-            step = system.solve(directions)
+            step = system.solve(options.tolerance, directions)
             check_cancelled()
             moved = movement(now.state, step, samples)
             stretch, last = relaxation(moved, last), moved

@@ -32,11 +32,6 @@ from .marginal import displacement_deviation
 from .shape_block import ShapeBlock
 from .state import State, Step
 
-#: Relative residual at which the conjugate gradients stop, in the metric of the photos'
-#: blocks.  So small because what is left of the residual depends on rounding: six poor
-#: photos in another order give a face that is 1e-6 mm away, but 0.1 mm at 1e-4, where
-#: now and then a coarse level ends a step earlier.
-TOLERANCE = 1e-7
 #: Far more steps than any system has needed.
 MOST_STEPS = 2000
 
@@ -94,11 +89,14 @@ class BorderedSystem:
         """Add between displacement and motion of photo ``i``, ``(M*N, 7 + e)``."""
         self.coupling[:, i] += coupling
 
-    def solve(self, directions: Array | None = None) -> Step:
+    def solve(self, tolerance: float, directions: Array | None = None) -> Step:
         """The step.
 
         Parameters
         ----------
+        tolerance : float
+            Relative residual at which the conjugate gradients stop, in the metric of
+            the photos' blocks.
         directions : (n, m, q) array, optional
             For the preconditioner: the `coarse_directions` of this system, or of one
             that is like it; by default its own.
@@ -124,7 +122,7 @@ class BorderedSystem:
         y, failed = cg(
             LinearOperator((size, size), multiply, dtype=float),
             _apply(whiten, right).ravel(),
-            rtol=TOLERANCE,
+            rtol=tolerance,
             maxiter=MOST_STEPS,
             M=LinearOperator((size, size), coarse.precondition, dtype=float),
         )

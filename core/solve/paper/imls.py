@@ -186,7 +186,7 @@ def imls(
                 system = motion_system(now, samples, work.terms)
                 if directions is None:
                     directions = coarse_directions(system)
-                step = system.solve(directions)
+                step = system.solve(options.tolerance, directions)
             moved = movement(now.state, step, samples)
             state, size = take_step(now.state, step, moved, options.max_step_mm)
             done += 1
