@@ -314,6 +314,18 @@ def vertex_areas(vertices, triangles):
     return area, np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(vertices))
 
 
+def sample_weights(V, tri, kind, S, uv, repeat) -> np.ndarray:
+    """Weights of the samples of `triangle_samples` for the fit of the net."""
+    area, _ = vertex_areas(V, tri)
+    weight = np.repeat(area * np.where(kind == 0, 1.0, 0.1), repeat) + 1e-9
+    # The crease between the lips is rounded on purpose: a bicubic patch with this net
+    # rings when it must follow it.
+    lips = np.unique(tri[kind == 2])
+    near = np.linalg.norm(V[:, None] - V[lips][None, ::8], axis=2).min(1) < 4.0
+    weight *= np.where(S @ near.astype(float) > 0.5, 0.1, 1.0)
+    return weight * ((uv > -0.02) & (uv < 1.02)).all(1)
+
+
 def build(source: Path, targets: Path | None, shape=(42, 44)) -> dict[str, np.ndarray]:
     head = np.load(source / "mean_head.npz", allow_pickle=False)
     param = np.load(source / "uv_param.npz", allow_pickle=False)
@@ -321,19 +333,13 @@ def build(source: Path, targets: Path | None, shape=(42, 44)) -> dict[str, np.nd
     sets = json.loads((source / "landmark_sets.json").read_text())
     V, tri, kind, patch_uv, base = face_patch(head, param)
     S, uv, repeat = triangle_samples(patch_uv, tri)
-    area, vertex_area = vertex_areas(V, tri)
-    weight = np.repeat(area * np.where(kind == 0, 1.0, 0.1), repeat) + 1e-9
-    # The crease between the lips is rounded on purpose: a bicubic patch with this net
-    # rings when it must follow it.
-    lips = np.unique(tri[kind == 2])
-    near = np.linalg.norm(V[:, None] - V[lips][None, ::8], axis=2).min(1) < 4.0
-    weight *= np.where(S @ near.astype(float) > 0.5, 0.1, 1.0)
-    weight *= ((uv > -0.02) & (uv < 1.02)).all(1)
+    weight = sample_weights(V, tri, kind, S, uv, repeat)
     fit = fit_operator(shape, S, uv, weight, BENDING)
     b = fit @ V
 
     morphs = Morphs(fetch_targets(targets), base, tri)
     rng = np.random.default_rng(20261120)
+    _, vertex_area = vertex_areas(V, tri)
     w = vertex_area / vertex_area.sum()
     faces = np.stack(
         [

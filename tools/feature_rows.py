@@ -131,17 +131,25 @@ def departure(surface: BSplineSurface, line: Line) -> Departure:
     )
 
 
-def main() -> None:
-    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
-    template = load_template()
-    print("| line | row or column | leaves it by, spans | mm | angle, degrees |")
-    print("|---|---|---|---|---|")
-    for line in feature_lines(template):
-        found = departure(template.surface, line)
-        print(
+def table(surface: BSplineSurface, lines: list[Line]) -> str:
+    """The departures of lines on a surface, in Markdown."""
+    rows = [
+        "| line | row or column | leaves it by, spans | mm | angle, degrees |",
+        "|---|---|---|---|---|",
+    ]
+    for line in lines:
+        found = departure(surface, line)
+        rows.append(
             f"| {line.name} | {('row', 'column')[line.along]} {found.row:.2f} "
             f"| {found.spans:.2f} | {found.mm:.1f} | {found.degrees:.0f} |"
         )
+    return "\n".join(rows)
+
+
+def main() -> None:
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    template = load_template()
+    print(table(template.surface, feature_lines(template)))
 
 
 if __name__ == "__main__":
