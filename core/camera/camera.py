@@ -58,14 +58,26 @@ class Camera:
 
     def project(self, Q: ArrayLike) -> Array:
         """Pixels ``(..., 2)`` of head points ``Q`` ``(..., 3)`` in mm."""
-        X = np.asarray(Q, float) @ self.R.T
-        depth = 1 - self.kappa * X[..., 2]
-        pixels = np.empty((*X.shape[:-1], 2))
-        # column by column: loops over an axis of two are slow
+        Q = np.asarray(Q, float)
+        x, y, _ = self.rows(Q.reshape(-1, 3))
+        return np.stack([x, y], axis=1).reshape(*Q.shape[:-1], 2)
+
+    def rows(self, Q: Array) -> Array:
+        """Pixels x and y of ``Q`` (n, 3), and how far it is toward the camera in mm.
+
+        Returns
+        -------
+        (3, n) array
+            In rows, because loops over an axis of two are slow.
+        """
+        X = self.R @ Q.T
+        depth = 1 - self.kappa * X[2]
         for k, sign in enumerate((1, -1)):
-            flat = self.t[k] + sign * self.s * X[..., k]
-            pixels[..., k] = self.principal[k] + flat / depth
-        return pixels
+            X[k] *= sign * self.s
+            X[k] += self.t[k]
+            X[k] /= depth
+            X[k] += self.principal[k]
+        return X
 
     def jacobians(self, Q: ArrayLike) -> tuple[Array, Array, Array]:
         """Projection and its derivatives.

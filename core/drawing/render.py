@@ -143,7 +143,7 @@ class View:
         The pixels are that many times finer.
     uv : (n, 2) array
         Parameters that the covered pixels see.
-    brightness : (n, 3) array
+    brightness : (n, 3) float32 array
         Of a white surface there.
     behind : (n,) bool array
         Pixels that see the inside of the shell.
@@ -154,7 +154,7 @@ class View:
     size: tuple[int, int]
     supersampling: int
     uv: Array
-    brightness: Array
+    brightness: npt.NDArray[np.float32]
     behind: npt.NDArray[np.bool_]
     rows: npt.NDArray[np.int64]
     columns: npt.NDArray[np.int64]
@@ -167,15 +167,16 @@ class View:
     ) -> Picture:
         """The picture, (height, width, 3) uint8; see `shaded_view`."""
         if colours is None:
-            base = np.full((len(self.uv), 3), (0.80, 0.77, 0.74))
+            base = np.full((len(self.uv), 3), (0.80, 0.77, 0.74), np.float32)
         else:
             picture = np.asarray(colours)[..., :3]
             base = read_picture(picture, self.uv) / float(np.iinfo(picture.dtype).max)
         lit = base * (1 - shading + shading * self.brightness)
         lit[self.behind] = (0.35, 0.35, 0.37)
         width, height = self.size
-        canvas = np.empty((height * self.supersampling, width * self.supersampling, 3))
-        canvas[:] = np.asarray(background, float) / 255
+        fine = height * self.supersampling, width * self.supersampling, 3
+        canvas = np.empty(fine, np.float32)
+        canvas[:] = np.asarray(background, np.float32) / 255
         canvas[self.rows, self.columns] = lit
         canvas = cv2.resize(canvas, self.size, interpolation=cv2.INTER_AREA)
         return np.round(np.clip(canvas, 0, 1) * 255).astype(np.uint8)
@@ -198,7 +199,7 @@ def look_at(
             size=size,
             supersampling=supersampling,
             uv=np.zeros((0, 2)),
-            brightness=np.zeros((0, 3)),
+            brightness=np.zeros((0, 3), np.float32),
             behind=np.zeros(0, bool),
             rows=np.zeros(0, np.int64),
             columns=np.zeros(0, np.int64),
@@ -227,7 +228,7 @@ def look_at(
         size=size,
         supersampling=supersampling,
         uv=uv[keep],
-        brightness=_studio(normal),
+        brightness=_studio(normal).astype(np.float32),
         behind=normal[:, 2] < 0,
         rows=rows[keep],
         columns=columns[keep],

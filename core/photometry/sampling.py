@@ -121,9 +121,8 @@ def occluded(
     """As `occlusion`, for a surface that is given by dense points."""
     cell = cell_mm * camera.s
     both = points if points is cover else np.concatenate([cover, points])
-    depth = both @ camera.R[2]
-    at = np.ascontiguousarray(camera.project(both).T)
-    column, row = np.floor(at / cell).astype(np.int64)
+    *at, depth = camera.rows(both)
+    column, row = (np.floor(x / cell).astype(np.int64) for x in at)
     column -= column.min()
     key = (row - row.min()) * (column.max() + 1) + column
     nearest = np.full(key.max() + 1, -np.inf)

@@ -79,9 +79,12 @@ class SkinMask:
 
     def read(self, xy: Array) -> Array:
         """The mask at pixels (p, 2) of the original, ``(p,)``; as at its rim beyond."""
+        return interpolate(self.values, self.pixels(np.asarray(xy, float)))
+
+    def pixels(self, xy: Array) -> Array:
+        """Pixels of the mask under those of the original, ``(..., 2)``."""
         x0, y0, scale = self.window
-        at = (np.asarray(xy, float) - (x0, y0) + 0.5) * scale - 0.5
-        return interpolate(self.values, at)
+        return (xy - (x0, y0) + 0.5) * scale - 0.5
 
     def on(self, photo: Photo) -> Array32:
         """The mask in the pixels of a cut-out, ``(h, w)``."""

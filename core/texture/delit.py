@@ -173,8 +173,8 @@ def _skin_seen(
     """How far each texel shows skin in each photo, ``(n, S, S)``."""
     found = np.empty((len(views), COARSE, COARSE), np.float32)
     for i, (mask, photo, view) in enumerate(zip(masks, photos, views, strict=True)):
-        xy = photo.to_original(view.xy.reshape(-1, 2).astype(float))
-        skin = mask.read(xy).reshape(COARSE, COARSE).astype(np.float32)
+        xy = mask.pixels(photo.to_original(view.xy.astype(float)))
+        skin = sample(mask.values, np.asarray(xy, np.float32))
         # A step back from hair, as from the rim of what is hidden.
         found[i] = cv2.erode(skin, np.ones((7, 7), np.uint8))
     return found

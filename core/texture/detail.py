@@ -355,10 +355,11 @@ def _blurred_over(
 
 def _skin_fade(template: Template, tangents: Tangents, size: int) -> Picture:
     """1 on the skin of the face, falling to 0 at eyes, nostrils, lips' gap, outline."""
-    at = texel_centres(size)
+    at = texel_centres(COARSE)
     uv = np.stack(np.meshgrid(at, at), axis=-1)
-    skin = template.is_skin(uv) & template.inside(uv.reshape(-1, 2)).reshape(size, size)
-    away = cv2.distanceTransform(skin.astype(np.uint8), cv2.DIST_L2, 5)
-    millimetres: Array = away * (tangents.length_u + tangents.length_v) / (2 * size)
-    t = np.clip(millimetres / _FADE_MM, 0, 1)
-    return (t * t * (3 - 2 * t)).astype(np.float32)
+    inside = template.inside(uv.reshape(-1, 2)).reshape(uv.shape[:2])
+    skin = (template.is_skin(uv) & inside).astype(np.uint8)
+    away = cv2.distanceTransform(skin, cv2.DIST_L2, 5)
+    millimetres: Array = away * (tangents.length_u + tangents.length_v) / (2 * COARSE)
+    t = np.clip(resized(millimetres, size) / _FADE_MM, 0, 1)
+    return np.asarray(t * t * (3 - 2 * t), np.float32)

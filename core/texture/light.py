@@ -193,7 +193,7 @@ def estimate_lights(
         for i in range(n):
             check_cancelled()
             lights[i] = _fit_light(intensity[i], albedo, weight[i], basis, lights[i])
-        shading = np.einsum("pk,ikc->ipc", basis, lights)
+        shading = basis @ lights
         floor = DARKEST * np.einsum("k,ikc->ic", front, lights)
         shading = np.maximum(shading, np.maximum(floor, 1e-6)[:, None])
         albedo = _fit_albedo(intensity, shading, weight, albedo)
