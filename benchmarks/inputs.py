@@ -15,21 +15,27 @@ mirrored every third photo mirrored, as some selfie cameras store them
 lossless, mjpeg
          a clip of all photos, one frame each
 minute   a clip of 60 s and 1920 x 1080 pixels in which the photos are shown one after
-         the other, slowly moved, with noise (only when it is asked for)
+         the other, slowly moved, with noise: MPEG-4 as OpenCV writes it
+h264, hevc
+         the same minute in H.264 of 15 and in HEVC of 10 megabits a second, a key frame
+         every second, as phones film; needs `--ffmpeg`, a program with libx264 and
+         libx265 such as that of the package imageio-ffmpeg
+         (these three only when they are asked for)
 
 The columns: photos used, mean distance from the first row's surface and mean error
 against the ground truth (both in % of the eye distance), and processor seconds of
-reading and reconstructing.
+reading and reconstructing. All on one thread, as `speed.py` measures.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -55,6 +61,7 @@ from pictures_for_tests import (  # noqa: E402
 )
 
 Pictures = Sequence[np.ndarray]
+MINUTE_SIZE = (1920, 1080)
 
 
 def write_heic(pictures: Pictures, folder: Path, quality: int) -> None:
@@ -82,15 +89,11 @@ def write_mirrored(pictures: Pictures, folder: Path, quality: int) -> None:
         (folder / f"{k:03d}.png").write_bytes(encoded(".png", stored))
 
 
-def write_minute(pictures: Pictures, folder: Path, quality: int) -> None:
-    """1800 frames, 30 a second."""
-    del quality
-    size, count = (1920, 1080), 1800
+def minute(pictures: Pictures) -> Iterator[np.ndarray]:
+    """1800 frames in OpenCV's order of colours, 30 a second."""
+    size, count = MINUTE_SIZE, 1800
     noise = np.random.default_rng(0).normal(0, 2, (2, *size[::-1], 3))
     noise = noise.round().astype(np.int16)
-    code = cv2.VideoWriter_fourcc(*"mp4v")
-    writer = cv2.VideoWriter(str(folder / "minute.mp4"), code, 30.0, size)
-    assert writer.isOpened()
     for number in range(count):
         picture = pictures[number * len(pictures) // count][..., ::-1]
         h, w = picture.shape[:2]
@@ -99,8 +102,33 @@ def write_minute(pictures: Pictures, folder: Path, quality: int) -> None:
         move = np.array([[scale, 0, x], [0, scale, 10 * np.cos(number / 31)]])
         frame = cv2.warpAffine(picture, move, size, borderValue=(90, 100, 110))
         frame = np.clip(frame.astype(np.int16) + noise[number % 2], 0, 255)
-        writer.write(frame.astype(np.uint8))
+        yield frame.astype(np.uint8)
+
+
+def write_minute(pictures: Pictures, folder: Path, quality: int) -> None:
+    del quality
+    code = cv2.VideoWriter_fourcc(*"mp4v")
+    writer = cv2.VideoWriter(str(folder / "minute.mp4"), code, 30.0, MINUTE_SIZE)
+    assert writer.isOpened()
+    for frame in minute(pictures):
+        writer.write(frame)
     writer.release()
+
+
+def write_minute_by(
+    ffmpeg: str, encoder: Sequence[str], pictures: Pictures, folder: Path
+) -> None:
+    """The minute, encoded by an FFmpeg of the user's."""
+    size = "x".join(map(str, MINUTE_SIZE))
+    raw = ["-f", "rawvideo", "-pix_fmt", "bgr24", "-s", size, "-r", "30", "-i", "-"]
+    coded = [*encoder, "-pix_fmt", "yuv420p", str(folder / "minute.mp4")]
+    command = [ffmpeg, "-loglevel", "error", *raw, *coded]
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as program:
+        assert program.stdin is not None
+        for frame in minute(pictures):
+            program.stdin.write(frame.tobytes())
+        program.stdin.close()
+    assert program.returncode == 0
 
 
 def clip_writer(code: str, name: str) -> Callable[[Pictures, Path, int], None]:
@@ -139,6 +167,12 @@ KINDS: dict[str, Callable[[Pictures, Path, int], None]] = {
     "mirrored": write_mirrored,
     "minute": write_minute,
 }
+#: Options of FFmpeg.
+ENCODERS = {
+    "h264": "-c:v libx264 -preset veryfast -b:v 15M -g 30",
+    "hevc": "-c:v libx265 -preset ultrafast -b:v 10M -tag:v hvc1 -x265-params "
+    "keyint=30:log-level=error",
+}
 #: Measured unless others are asked for.
 USUAL = ("heic", "p3", "lossless", "mjpeg", "mirrored")
 
@@ -152,8 +186,10 @@ def main() -> None:
     p.add_argument("--set", default="mh-c/S1", help="default: the example photos")
     p.add_argument("--photos", type=int, metavar="N", help="only N of them")
     p.add_argument("--quality", type=int, default=95, help="of HEIC and MJPEG")
-    p.add_argument("--only", nargs="+", choices=["photos", *KINDS])
+    p.add_argument("--only", nargs="+", choices=["photos", *KINDS, *ENCODERS])
+    p.add_argument("--ffmpeg", default="ffmpeg", help="the program, for h264 and hevc")
     options = p.parse_args()
+    cv2.setNumThreads(1)
     given: FaceSet | None = None
     folder = ROOT / "examples" / "photos"
     if (options.data / options.set).is_dir():
@@ -170,7 +206,11 @@ def main() -> None:
             if kind != "photos":
                 place = stack.enter_context(tempfile.TemporaryDirectory())
                 source = Path(place)
-                KINDS[kind](pictures, source, options.quality)
+                if kind in ENCODERS:
+                    encoder = ENCODERS[kind].split()
+                    write_minute_by(options.ffmpeg, encoder, pictures, source)
+                else:
+                    KINDS[kind](pictures, source, options.quality)
             start = time.process_time()
             if isinstance(source, Path):
                 for clip in source.glob("clip.*"):

@@ -41,12 +41,16 @@ class Limits:
     full_size_pixels : int
         A larger picture is decoded at a half, a quarter or an eighth of its size: a
         face that fills a sixth of 16 megapixels still has 650 pixels.
+    held_bytes : int
+        Of frames of a video that are held while frames are chosen. Those that do not
+        fit are decoded again if they are chosen.
     """
 
     pixels: int = 200_000_000
     decoded_bytes: int = 600_000_000
     file_bytes: int = 600_000_000
     full_size_pixels: int = 16_000_000
+    held_bytes: int = 750_000_000
 
     def reduction(self, pixels: int) -> int:
         """1, 2, 4 or 8: the part of its size at which so large a picture is read."""

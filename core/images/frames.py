@@ -46,6 +46,15 @@ class Frame:
     thumbnail: Picture8
 
 
+def time_code(seconds: float) -> str:
+    """``00:12.433``, from an hour on ``1:02:12.433``."""
+    milliseconds = round(max(seconds, 0.0) * 1000)
+    minutes, milliseconds = divmod(milliseconds, 60_000)
+    hours, minutes = divmod(minutes, 60)
+    head = f"{hours}:" if hours else ""
+    return f"{head}{minutes:02d}:{milliseconds / 1000:06.3f}"
+
+
 def look(bgr: Picture8, number: int, seconds: float) -> Frame:
     """Measure a decoded frame, (h, w, 3) in OpenCV's order of colours."""
     grey = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
@@ -70,6 +79,47 @@ def _small(grey: np.ndarray) -> Picture8:
     return cv2.resize(grey, side, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
+class FrameGroups:
+    """Frames that look alike as one group each, of which the sharpest is the best.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        In the order of the video, as are those that are added.
+
+    Attributes
+    ----------
+    best : list of Frame
+    """
+
+    def __init__(self, frames: Sequence[Frame] = ()) -> None:
+        self.best: list[Frame] = []
+        self._anchors = np.empty((0, _THUMBNAIL**2), np.float32)
+        for frame in frames:
+            self.add(frame)
+
+    def add(self, frame: Frame) -> Frame | None:
+        """The frame that is no longer the best of its group, or never was."""
+        flat = frame.thumbnail.ravel().astype(np.float32)
+        away = np.abs(self._anchors[: len(self.best)] - flat).mean(axis=1)
+        nearest = int(away.argmin()) if len(self.best) else -1
+        if nearest >= 0 and away[nearest] < ALIKE:
+            before = self.best[nearest]
+            if frame.sharpness > before.sharpness:
+                self.best[nearest] = frame
+                return before
+            return frame
+        # The first of a group decides what belongs to it: a slow turn would otherwise
+        # be one group.
+        if len(self.best) == len(self._anchors):
+            self._anchors = np.resize(
+                self._anchors, (2 * len(self.best) + 8, flat.size)
+            )
+        self._anchors[len(self.best)] = flat
+        self.best.append(frame)
+        return None
+
+
 def choose_frames(frames: Sequence[Frame], limit: int) -> tuple[Frame, ...]:
     """At most `limit` frames, no two alike, in the order of the video.
 
@@ -79,25 +129,12 @@ def choose_frames(frames: Sequence[Frame], limit: int) -> tuple[Frame, ...]:
         In the order of the video.
     limit : int
     """
-    groups: list[Frame] = []
-    anchors = np.empty((len(frames), _THUMBNAIL**2), np.float32)
-    for frame in frames:
-        flat = frame.thumbnail.ravel().astype(np.float32)
-        away = np.abs(anchors[: len(groups)] - flat).mean(axis=1)
-        nearest = int(away.argmin()) if len(groups) else -1
-        if nearest >= 0 and away[nearest] < ALIKE:
-            if frame.sharpness > groups[nearest].sharpness:
-                groups[nearest] = frame
-        else:
-            # The first of a group decides what belongs to it: a slow turn would
-            # otherwise be one group.
-            anchors[len(groups)] = flat
-            groups.append(frame)
-    if len(groups) > limit:
-        looks = np.stack([f.thumbnail.ravel() for f in groups]).astype(np.float64)
-        sharpness = np.array([f.sharpness for f in groups])
-        groups = [groups[i] for i in far_apart(looks, sharpness, limit)]
-    return tuple(sorted(groups, key=lambda f: f.number))
+    best = FrameGroups(frames).best
+    if len(best) > limit:
+        looks = np.stack([f.thumbnail.ravel() for f in best]).astype(np.float64)
+        sharpness = np.array([f.sharpness for f in best])
+        best = [best[i] for i in far_apart(looks, sharpness, limit)]
+    return tuple(sorted(best, key=lambda f: f.number))
 
 
 def far_apart(features: Array, sharpness: Array, count: int) -> list[int]:

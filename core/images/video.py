@@ -1,42 +1,37 @@
 """A video to photos: the frames that are worth a look, one after the other.
 
-The video is decoded twice and never held: first it is watched for the frames to choose,
-then these are handed out. So memory stays the same however long it is. OpenCV decodes
-by the FFmpeg that it carries.
+The video is watched once. The frames that are likely to be chosen are held meanwhile,
+within a limit, so that memory stays the same however long the video is; chosen frames
+that were not held are decoded again. OpenCV decodes by the FFmpeg that it carries.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from .._types import Picture8
 from ..errors import PhotoFailure
 from ..progress import CheckCancelled, never_cancelled
 from .capture import opened
 from .decode import LIMITS, MIN_SIDE, Limits, judge_file
 from .frame_size import size_change
-from .frames import Frame, choose_frames, look
+from .frames import Frame, choose_frames, time_code
 from .icc import ProfileError
 from .photo import Photo
 from .video_colour import Convert, frame_converter, read_colour, unchanged
+from .wanted_frames import wanted_frames
+from .watching import Watched, watch
 
 # So many frames are handed out, of which landmarks choose by pose and light.
 FRAMES = 90
 # Most frames that are measured; in a longer video every second, fourth... of them.
 MEASURED = 400
-# About two hours: what comes later is not looked at.
-_MOST_FRAMES = 216_000
-# An end that is missing gets a note from so many seconds and so large a part on. Sound
-# may be a little longer than its pictures.
-_MISSING_S = 1.0
-_MISSING = 0.1
-
-Watched = Callable[[float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +52,9 @@ class VideoFrames:
     pixel_aspect : float
         Width of a pixel, as it is shown, in parts of its height. Frames are handed out
         with square pixels.
+    held : mapping of int to (h, w, 3) uint8 array
+        Pixels of frames, by their number, that need not be decoded again; at most
+        `Limits.held_bytes`.
     """
 
     path: Path
@@ -66,6 +64,7 @@ class VideoFrames:
     limits: Limits = LIMITS
     convert: Convert = unchanged
     pixel_aspect: float = 1.0
+    held: Mapping[int, Picture8] = field(default_factory=dict, repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -79,24 +78,17 @@ class VideoFrames:
     def photos(
         self, check_cancelled: CheckCancelled = never_cancelled
     ) -> Iterator[Photo]:
-        """The frames as photos without a path, decoded one at a time.
+        """The frames as photos without a path, one at a time.
 
         Parameters
         ----------
         check_cancelled : callable, optional
-            Called for every frame of the video; may raise `Cancelled`.
+            Called for every frame that is decoded; may raise `Cancelled`.
         """
-        wanted = dict(zip((f.number for f in self.frames), self.names, strict=True))
-        last = self.frames[-1].number
-        with opened(self.path) as video:
-            for number in range(last + 1):
-                check_cancelled()
-                if not video.grab():
-                    return
-                if number in wanted:
-                    found, bgr = video.retrieve()
-                    if found and bgr is not None:
-                        yield self._photo(wanted[number], bgr)
+        names = dict(zip((f.number for f in self.frames), self.names, strict=True))
+        frames = wanted_frames(self.path, self.frames, self.held, check_cancelled)
+        for frame, bgr in frames:
+            yield self._photo(names[frame.number], bgr)
 
     def _photo(self, name: str, bgr: np.ndarray) -> Photo:
         h, w = bgr.shape[0], round(bgr.shape[1] * self.pixel_aspect)
@@ -193,73 +185,42 @@ def read_video(
         step = 1
         while total / step > measured:
             step *= 2
-        frames, note = _watch(video, measured, step, check_cancelled, watched)
-    if step > 1 and len(frames) < measured / 4:  # the file claims more than it holds
+        seen = watch(
+            video,
+            step,
+            measured,
+            held_bytes=limits.held_bytes,
+            check_cancelled=check_cancelled,
+            watched=watched,
+        )
+    # The file claims more than it holds.
+    if step > 1 and len(seen.frames) < measured / 4:
         with opened(path) as video:
-            frames, note = _watch(video, measured, 1, check_cancelled, watched)
-    if not frames:
+            seen = watch(
+                video,
+                1,
+                measured,
+                held_bytes=limits.held_bytes,
+                check_cancelled=check_cancelled,
+                watched=watched,
+            )
+    if not seen.frames:
         return PhotoFailure(
             name,
             "unreadable",
             f"{name} holds no frame that can be decoded; copy it again or export it "
             "as MP4.",
         )
-    convert = unchanged
+    convert, note = unchanged, seen.note
     try:
         convert = frame_converter(read_colour(path))
     except ProfileError as error:
         note = "; ".join(filter(None, [note, f"read as sRGB: {error}"]))
-    chosen = choose_frames(frames, count)
-    return VideoFrames(path, name, chosen, note, limits, convert, aspect)
-
-
-def time_code(seconds: float) -> str:
-    """``00:12.433``, from an hour on ``1:02:12.433``."""
-    milliseconds = round(max(seconds, 0.0) * 1000)
-    minutes, milliseconds = divmod(milliseconds, 60_000)
-    hours, minutes = divmod(minutes, 60)
-    head = f"{hours}:" if hours else ""
-    return f"{head}{minutes:02d}:{milliseconds / 1000:06.3f}"
-
-
-def _watch(
-    video: cv2.VideoCapture,
-    measured: int,
-    step: int,
-    check_cancelled: CheckCancelled,
-    watched: Watched | None,
-) -> tuple[list[Frame], str]:
-    """Every `step`-th frame, measured; and a note if the end is missing.
-
-    The step is doubled whenever there are more than `measured`.
-    """
-    total = video.get(cv2.CAP_PROP_FRAME_COUNT)
-    rate = video.get(cv2.CAP_PROP_FPS)
-    frames: list[Frame] = []
-    note, seconds = "", 0.0
-    for number in range(_MOST_FRAMES):
-        check_cancelled()
-        if not video.grab():
-            claimed = total / rate if rate > 0 else 0.0
-            if claimed - seconds > max(_MISSING_S, _MISSING * claimed):
-                note = (
-                    f"cut short: {time_code(seconds)} of {time_code(claimed)} can be "
-                    "decoded"
-                )
-            break
-        seconds = video.get(cv2.CAP_PROP_POS_MSEC) / 1000
-        if number % step:
-            continue
-        found, bgr = video.retrieve()
-        if not found or bgr is None:
-            continue
-        frames.append(look(bgr.astype(np.uint8, copy=False), number, seconds))
-        if len(frames) > measured:
-            step *= 2
-            frames = [frame for frame in frames if frame.number % step == 0]
-        if watched is not None and total > 0:
-            watched(min(number / total, 1.0))
-    return frames, note
+    chosen = choose_frames(seen.frames, count)
+    seen.held.keep(chosen)
+    return VideoFrames(
+        path, name, chosen, note, limits, convert, aspect, seen.held.pictures
+    )
 
 
 def _pixel_aspect(video: cv2.VideoCapture) -> float:

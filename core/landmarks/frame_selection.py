@@ -16,8 +16,10 @@ import numpy as np
 
 from .._types import Array
 from ..errors import PhotoFailure
+from ..images.decode import LIMITS, Limits
 from ..images.frames import far_apart
-from ..images.video import Watched, read_video
+from ..images.video import read_video
+from ..images.watching import Watched
 from ..progress import CheckCancelled, never_cancelled
 from .candidates import CandidateReader
 from .face_selection import Candidate
@@ -41,6 +43,7 @@ def read_frames(
     *,
     limit: int = FRAMES,
     ignore: Sequence[str] = (),
+    limits: Limits = LIMITS,
     check_cancelled: CheckCancelled = never_cancelled,
     watched: Watched | None = None,
 ) -> list[tuple[str, Faces | PhotoFailure]]:
@@ -57,6 +60,8 @@ def read_frames(
         Most frames.
     ignore : sequence of str
         Names of frames to leave out.
+    limits : Limits, optional
+        As in `read_video`.
     check_cancelled : callable, optional
         Called for every frame of the video, and while its face is looked for.
     watched : callable, optional
@@ -69,7 +74,9 @@ def read_frames(
         of `ignore`. If the video or all of its frames are of no use, the video's name
         with the reason.
     """
-    video = read_video(path, name, check_cancelled=check_cancelled, watched=watched)
+    video = read_video(
+        path, name, limits=limits, check_cancelled=check_cancelled, watched=watched
+    )
     if isinstance(video, PhotoFailure):
         return [(name, video)]
     found: list[tuple[str, Faces]] = []

@@ -12,10 +12,10 @@ import pytest
 from bsface.errors import Cancelled, PhotoFailure
 from bsface.images.decode import Limits
 from bsface.images.folder import list_photos
-from bsface.images.frames import ALIKE, choose_frames, far_apart, look
+from bsface.images.frames import ALIKE, choose_frames, far_apart, look, time_code
 from bsface.images.keep_frames import keep_frames
 from bsface.images.read import read_photo
-from bsface.images.video import VideoFrames, read_video, time_code
+from bsface.images.video import VideoFrames, read_video
 from videos_for_tests import (
     CODECS,
     turned_clip,

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from bsface.images.frames import time_code
 from bsface.images.read import read_photo
-from bsface.images.video import time_code
 from bsface.landmarks.landmarks import Landmarks
 from bsface.prepare import Inputs, collect_photos
 from bsface.settings import Settings
