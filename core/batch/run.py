@@ -247,6 +247,7 @@ def _check_out(people: Path, out: Path) -> None:
             f"{out} lies in the folder of the people, so that the next run would take "
             "results for photos; choose another folder for the results."
         )
-    why = why_not_writable(out / "summary.csv")
+    table = out / "summary.csv"
+    why = why_not_writable(table)
     if why:
-        raise ValueError(f"{out}: {why}.")
+        raise ValueError(f"{table if table.is_dir() else out}: {why}.")

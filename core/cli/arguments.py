@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Sequence
 
@@ -22,6 +23,8 @@ def parse_settings(pairs: Sequence[str]) -> Settings:
         name, sign, text = pair.partition("=")
         if not sign or not name:
             raise ValueError(f"--set takes NAME=VALUE, got {pair!r}.")
+        if name in values:
+            raise ValueError(f"The setting {name} is given twice; leave one out.")
         try:
             values[name] = json.loads(text)
         except (ValueError, RecursionError):  # brackets within brackets
@@ -31,6 +34,26 @@ def parse_settings(pairs: Sequence[str]) -> Settings:
             else:
                 values[name] = text
     return Settings.from_dict(values)
+
+
+def check_named(args: argparse.Namespace, *names: str) -> None:
+    """Refuse empty names, as variables of a script give them that are not set.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+    names : str
+        Of arguments that are None, a text or a list of texts.
+
+    Raises
+    ------
+    ValueError
+        With a sentence that names the argument.
+    """
+    for name in names:
+        given = getattr(args, name)
+        if "" in (given if isinstance(given, list) else [given]):
+            raise ValueError(f"The name given for {name} is empty; give a file.")
 
 
 def check_held(option: str, endings: Sequence[str], outputs: Sequence[str]) -> None:

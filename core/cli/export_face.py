@@ -9,16 +9,30 @@ from ..errors import ReconstructionError
 from ..formats import (
     DISPLACEMENT_ENDINGS,
     HEAD_ENDINGS,
+    MESH_ENDINGS,
+    SOLID_ENDINGS,
+    STAMPED_ENDINGS,
     TEXTURE_ENDINGS,
     ExportOptions,
     ending,
     export,
     load_face,
 )
-from ..formats.options import FIXED_DATE
 from ..report.outputs import check_outputs
-from .arguments import check_held
+from .arguments import check_held, check_named
 from .terminal import say
+
+# Options that keep their default where they are not given.
+_VALUES = (
+    "tolerance",
+    "name",
+    "texture",
+    "normals",
+    "displacement",
+    "thickness",
+    "author",
+    "date",
+)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -37,16 +51,15 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--tolerance",
         type=float,
-        default=0.25,
         metavar="MM",
-        help="of triangles (.obj, .ply, .stl, .3mf), default 0.25",
+        help="of triangles (.obj, .ply, .stl, .3mf), default "
+        f"{ExportOptions.tolerance:g}",
     )
     p.add_argument(
         "--thickness",
         type=float,
-        default=2.0,
         metavar="MM",
-        help="of solids (.stl, .3mf), default 2",
+        help=f"of solids (.stl, .3mf), default {ExportOptions.thickness:g}",
     )
     p.add_argument("--texture", metavar="PICTURE", help="in .glb and .obj")
     p.add_argument(
@@ -54,8 +67,8 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--normals", metavar="PICTURE", help="normal map in .glb and .obj")
     p.add_argument("--displacement", metavar="PICTURE", help="in .obj")
-    p.add_argument("--author", default="", help="in .step and .iges")
-    p.add_argument("--date", default=FIXED_DATE, help="in .step and .iges")
+    p.add_argument("--author", help="in .step and .iges")
+    p.add_argument("--date", help="in .step and .iges")
     p.add_argument(
         "--whole", action="store_true", help="do not trim to the outline of the face"
     )
@@ -74,28 +87,30 @@ def main(argv: Sequence[str]) -> int:
     """
     args = parser().parse_args(argv)
     try:
+        names = ("face", "output", "texture", "normals", "displacement")
+        check_named(args, *names)
         check_outputs(args.output)
         if any(ending(name) == ".npz" for name in args.output):
             raise ValueError("The face is a .npz file already; copy it.")
         for option, given, endings in (
-            ("--head", args.head, HEAD_ENDINGS),
+            ("--head", args.head or None, HEAD_ENDINGS),
             ("--texture", args.texture, TEXTURE_ENDINGS),
             ("--normals", args.normals, TEXTURE_ENDINGS),
             ("--displacement", args.displacement, DISPLACEMENT_ENDINGS),
+            ("--tolerance", args.tolerance, MESH_ENDINGS),
+            ("--thickness", args.thickness, SOLID_ENDINGS),
+            ("--author", args.author, STAMPED_ENDINGS),
+            ("--date", args.date, STAMPED_ENDINGS),
         ):
-            if given:
+            if given is not None:
                 check_held(option, endings, args.output)
+        if args.head and args.whole and {*map(ending, args.output)} <= {*HEAD_ENDINGS}:
+            raise ValueError("--whole is of no use with --head; leave one of them out.")
+        values = {name: getattr(args, name) for name in _VALUES}
         options = ExportOptions(
             trimmed=not args.whole,
-            tolerance=args.tolerance,
-            name=args.name,
-            texture=args.texture,
             head=args.head,
-            normals=args.normals,
-            displacement=args.displacement,
-            thickness=args.thickness,
-            author=args.author,
-            date=args.date,
+            **{name: value for name, value in values.items() if value is not None},
         )
         for name in args.output:
             options.check(name)

@@ -12,6 +12,7 @@ from ..errors import ReconstructionError
 from ..formats import load_face
 from ..json_text import plain, to_json
 from ..result import Reconstruction
+from .arguments import check_named
 from .terminal import say, write_out
 
 
@@ -34,6 +35,11 @@ def main(argv: Sequence[str]) -> int:
         0 done, 1 the file is no face, 2 wrong call.
     """
     args = parser().parse_args(argv)
+    try:
+        check_named(args, "face")
+    except ValueError as error:
+        say(str(error))
+        return 2
     try:
         face = load_face(args.face)
     except ReconstructionError as error:

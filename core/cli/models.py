@@ -38,6 +38,8 @@ def main(argv: Sequence[str]) -> int:
     args = p.parse_args(argv)
     if args.to is not None and args.action is None:
         p.error("--to goes with fetch")
+    if args.to == "":
+        p.error("the folder given for --to has no name")
     if args.action is None:
         return _where()
     try:

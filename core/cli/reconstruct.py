@@ -30,7 +30,7 @@ from ..surface.template import load_template
 from ..texture.bake import bake_texture, write_texture
 from ..texture.detail import write_displacement, write_normals
 from ..threads import one_blas_thread, take_working_space
-from .arguments import check_held, parse_settings
+from .arguments import check_held, check_named, parse_settings
 from .bar import Bar
 from .terminal import say, tell, write_out
 
@@ -116,6 +116,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
     args = parser().parse_args(argv)
     try:
         settings = parse_settings(args.set)
+        check_named(args, "output", "report", "template", "start")
         if args.start and args.template:
             raise ValueError("--start and --template cannot be given together.")
         template, constraint = None, None
@@ -129,6 +130,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
             report=args.report,
             log=args.log,
             photos=args.photos,
+            read=[] if args.template is None else [args.template],
             recursive=args.recursive,
         )
         if args.head:

@@ -162,6 +162,8 @@ WRITERS: dict[str, tuple[str, Writer]] = {
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".3mf")
 #: Endings whose writers can take the whole head.
 HEAD_ENDINGS = (".glb", ".obj")
+#: Formats that are solids, and those that name an author and a date.
+SOLID_ENDINGS, STAMPED_ENDINGS = (".stl", ".3mf"), (".step", ".stp", ".iges", ".igs")
 #: Endings whose writers take a texture and a normal map, and a displacement.
 TEXTURE_ENDINGS, DISPLACEMENT_ENDINGS = (".glb", ".obj"), (".obj",)
 
@@ -236,6 +238,8 @@ __all__ = [
     "DISPLACEMENT_ENDINGS",
     "HEAD_ENDINGS",
     "MESH_ENDINGS",
+    "SOLID_ENDINGS",
+    "STAMPED_ENDINGS",
     "TEXTURE_ENDINGS",
     "WRITERS",
     "ExchangeCurve",

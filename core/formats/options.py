@@ -15,6 +15,8 @@ from .exchange import NamedCurves
 FIXED_DATE = "1970-01-01T00:00:00"
 #: Largest tolerance and thickness: beyond any head.
 MAX_MM = 1000.0
+#: Smallest thickness: files of single precision hold a head to 0.00001 mm.
+MIN_THICKNESS = 0.01
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,11 @@ class ExportOptions:
                     f"{path}: the {what} must be a positive length in millimetres, at "
                     f"most {MAX_MM:g}, not {value:g}."
                 )
+        if self.thickness < MIN_THICKNESS:
+            raise ReconstructionError(
+                f"{path}: a thickness of {self.thickness:g} mm is less than the file "
+                f"can hold; give at least {MIN_THICKNESS:g} mm."
+            )
         try:
             datetime.fromisoformat(self.date)
         except ValueError:

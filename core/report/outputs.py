@@ -21,6 +21,7 @@ def check_outputs(
     report: str | None = None,
     log: str | None = None,
     photos: str | None = None,
+    read: Sequence[str] = (),
     recursive: bool = False,
 ) -> None:
     """Refuse what cannot be written, and what would take another file with it.
@@ -33,6 +34,8 @@ def check_outputs(
         The page, and the log.
     photos : str, optional
         Folder or video that is read; none of its files may be written over.
+    read : sequence of str
+        More files that are read and may not be written over.
     recursive : bool
         Whether the sub-folders are read too.
 
@@ -63,7 +66,8 @@ def check_outputs(
         if os.path.isdir(log) or not special:
             asked.append((log, (Path(log),)))
     kept = _identities(_inputs(photos, recursive)) if photos else frozenset()
-    whose: dict[str, int] = {}
+    own = _identities([Path(name) for name in read])
+    whose: dict[tuple[str, str], tuple[int, Path]] = {}
     for number, (name, files) in enumerate(asked):
         for path in files:
             why = why_not_writable(path)
@@ -74,11 +78,22 @@ def check_outputs(
                     f"{path} belongs to the photos and would be written over; choose "
                     "another name or folder."
                 )
-            other = whose.setdefault(os.path.realpath(path), number)
-            if other != number:
+            if _identities([path]) & own:
                 raise ValueError(
-                    f"{asked[other][0]} and {name} would both write {path}; give one "
-                    "of them another name."
+                    f"{path} is read and would be written over; choose another name."
+                )
+            folder, file = os.path.split(os.path.realpath(path))
+            other, first = whose.setdefault((folder, file.casefold()), (number, path))
+            if other != number:
+                alike = os.path.basename(os.path.realpath(first)) == file
+                same = (
+                    f"would both write {path}"
+                    if alike
+                    else f"need {first} and {path}, which many systems take for one"
+                )
+                raise ValueError(
+                    f"{asked[other][0]} and {name} {same}; give one of them another "
+                    "name."
                 )
 
 

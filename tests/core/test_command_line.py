@@ -222,6 +222,10 @@ def test_as_a_program_and_the_same_bytes_twice(photos, tmp_path):
         (["-o", "a.npz", "-o", "noending"], "noending: unknown ending"),
         (["-o", "a.npz", "--report", "page.doc"], "must end in .html."),
         (["-o", "a.npz", "--template", "none.npz"], "none.npz is not a template file"),
+        (["-o", "a.npz", "--template", ""], "The name given for template is empty"),
+        (["-o", "a.npz", "--start", ""], "The name given for start is empty"),
+        (["-o", "a.npz", "--report", ""], "The name given for report is empty"),
+        (["-o", "a.npz", "--set", "lam=1", "--set", "lam=2"], "lam is given twice"),
         (["-o", "sub/.npz/b.npz"], ""),
     ],
 )

@@ -80,7 +80,15 @@ def test_export_of_the_head(capsys, face, tmp_path):
         (["-o", "a.ply", "--tolerance", "nan"], "must be a positive length"),
         (["-o", "a.ply", "--tolerance", "inf"], "at most 1000, not inf."),
         (["-o", "a.3mf", "--thickness", "1e300"], "at most 1000, not 1e+300."),
+        (["-o", "a.3mf", "--thickness", "1e-9"], "give at least 0.01 mm."),
         (["-o", "a.step", "--date", "today"], "'today' is not a date"),
+        (["-o", "a.step", "--thickness", "2"], "--thickness needs a file .stl or"),
+        (["-o", "a.glb", "--tolerance", "0.25"], "--tolerance needs a file .obj"),
+        (["-o", "a.obj", "--author", "me"], "--author needs a file .step"),
+        (["-o", "a.obj", "--date", "2026-11-22"], "--date needs a file .step"),
+        (["-o", "a.glb", "--whole", "--head"], "--whole is of no use with --head"),
+        (["-o", ""], "The name given for output is empty"),
+        (["-o", "a.glb", "--texture", ""], "The name given for texture is empty"),
     ],
 )
 def test_export_called_wrongly(capsys, face, tmp_path, monkeypatch, words, sentence):
@@ -103,6 +111,13 @@ def test_not_a_face(capsys, tmp_path, monkeypatch, words, content):
     assert said.startswith("bsface: face.npz")
     assert said.count("\n") == 1
     assert not (tmp_path / "a.step").exists()
+
+
+@pytest.mark.parametrize("words", [["export", "", "-o", "a.step"], ["info", ""]])
+def test_a_face_without_a_name(capsys, tmp_path, words):
+    code, printed, said = run(capsys, *words)
+    assert (code, printed) == (2, "")
+    assert "The name given for face is empty; give a file." in said
 
 
 # --- info ----------------------------------------------------------------------------
@@ -259,6 +274,6 @@ def test_names_that_are_no_text(capsys, face, tmp_path, end):
         pytest.importorskip("rhino3dm")
     out = tmp_path / f"a{end}"
     name = "a\udcff\n\x1b[2J"
-    words = ["--tolerance", "5", "--name", name, "-q"]
+    words = ["--name", name, "-q", *(["--tolerance", "5"] if end == ".3mf" else [])]
     assert run(capsys, "export", face, "-o", out, *words) == (0, "", "")
     assert out.stat().st_size > 0

@@ -193,6 +193,31 @@ def test_sentences_stay_on_one_line_and_steer_no_terminal():
     assert one_line("größe 脸 🙂") == "größe 脸 🙂"
 
 
+@pytest.mark.parametrize("second", ["FACE.npz", "Face.html"])
+def test_names_that_many_systems_take_for_one(tmp_path, second):
+    """macOS and Windows do not tell capitals from small letters."""
+    outputs = ["face.npz"] + ([second] if second.endswith("npz") else [])
+    words = {"outputs": outputs}
+    if second.endswith("html"):
+        words = {"outputs": ["face.glb"], "report": second, "log": "FACE.json"}
+    with pytest.raises(ValueError, match="which many systems take for one"):
+        check_outputs(**inside(tmp_path, words))
+
+
+def test_a_template_is_not_written_over(tmp_path):
+    mine = tmp_path / "mine.npz"
+    mine.write_bytes(b"a template")
+    for name in ("mine.npz", "./mine.npz"):
+        with pytest.raises(ValueError, match="is read and would be written over"):
+            check_outputs([f"{tmp_path}/{name}"], read=[str(mine)])
+    check_outputs([f"{tmp_path}/other.npz"], read=[str(mine)])
+
+
+def test_a_setting_that_is_given_twice():
+    with pytest.raises(ValueError, match="The setting lam is given twice"):
+        parse_settings(["lam=1", "method=paper", "lam=2"])
+
+
 def test_words_of_set_that_are_no_json():
     for word in ("lam=" + "[" * 100_000, "=5", "="):
         with pytest.raises(ValueError):
