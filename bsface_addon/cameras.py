@@ -156,7 +156,17 @@ def photo_image(photo):
 
 def of_face(face):
     """The face's cameras, in the order of their photos' names."""
-    return rig.members(face, "CAMERA")
+    return [obj for obj in rig.members(face, "CAMERA") if _has_size(obj)]
+
+
+def _has_size(camera):
+    """Whether the size of its photo is still there; the user may write anything."""
+    size = camera.get(SIZE_KEY)
+    try:
+        width, height = size
+        return min(width, height) > 0 and max(width, height) < float("inf")
+    except (TypeError, ValueError):
+        return False
 
 
 def are_shown(context, face):

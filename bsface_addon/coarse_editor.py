@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.surface.bspline import BSplineSurface
 from ..core.surface.coarse import apply_coarse, coarse_net, mirrored_edit
-from . import scene, surface_object
+from . import face_file, scene, surface_object
 
 BEFORE = "bsface_coarse_before"
 FACE_BEFORE = "bsface_face_before"
@@ -31,8 +31,8 @@ def editor() -> bpy.types.Object | None:
 def open_editor(context: bpy.types.Context, face: bpy.types.Object) -> bpy.types.Object:
     """Show the coarse net of a face, ready to be edited."""
     scene.leave_edit_mode(context)
-    points = surface_object.read(face)
-    net = coarse_net(BSplineSurface(points))
+    surface = face_file.surface(face)
+    points, net = surface.control_points, coarse_net(surface)
     obj = surface_object.create_like(context, face, f"{face.name} Coarse Net", net)
     obj[scene.COARSE_OF] = face
     # As Blender holds it: what was not moved must not move the face.

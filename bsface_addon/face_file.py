@@ -8,16 +8,18 @@ those in the file, because the artist may have moved them.
 from __future__ import annotations
 
 import io
+import zipfile
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ..core._types import Array, Mask
+from ..core.errors import ReconstructionError
 from ..core.formats.face_file import read_face
 from ..core.result import Reconstruction
 from ..core.surface.bspline import BSplineSurface
-from . import surface_object
+from . import messages, surface_object
 
 KEY = "bsface_file"
 # Less than this is rounding to float32.
@@ -42,13 +44,16 @@ class StoredFace:
 
     def read(self) -> Reconstruction:
         """What is known of the run, with the control points of the object."""
-        stored = read_face(io.BytesIO(self.file), self.name)
+        try:
+            stored = read_face(io.BytesIO(self.file), self.name)
+        except (OSError, ValueError, zipfile.BadZipFile):
+            raise ReconstructionError(messages.NO_FILE.format(name=self.name)) from None
         return stored.with_surface(self.surface)
 
 
 def stored(face: bpy.types.Object) -> StoredFace:
     """The face as it is now."""
-    return StoredFace(face.name, face[KEY], surface(face))
+    return StoredFace(face.name, _file(face), surface(face))
 
 
 def saved(face: bpy.types.Object) -> Reconstruction:
@@ -57,8 +62,17 @@ def saved(face: bpy.types.Object) -> Reconstruction:
 
 
 def surface(face: bpy.types.Object, key: str | None = None) -> BSplineSurface:
-    """The object's control points, or those of a shape key, as a surface in mm."""
-    return BSplineSurface(surface_object.read(face, key))
+    """The object's control points, or those of a shape key, as a surface in mm.
+
+    Raises
+    ------
+    ReconstructionError
+        They are no finite numbers, or all at one place.
+    """
+    points = surface_object.read(face, key)
+    if not np.isfinite(points).all() or not np.ptp(points, axis=(0, 1)).any():
+        raise ReconstructionError(messages.NO_NUMBERS.format(name=face.name))
+    return BSplineSurface(points)
 
 
 def moved(face: bpy.types.Object) -> Mask:
@@ -77,5 +91,16 @@ def outline(face: bpy.types.Object) -> Array:
 
 def _stored(face: bpy.types.Object, name: str) -> Array:
     """One array of the face file, without reading the others."""
-    with np.load(io.BytesIO(face[KEY]), allow_pickle=False) as archive:
-        return archive[name]
+    try:
+        with np.load(io.BytesIO(_file(face)), allow_pickle=False) as archive:
+            return archive[name]
+    except (ValueError, KeyError, OSError, zipfile.BadZipFile):
+        raise ReconstructionError(messages.NO_FILE.format(name=face.name)) from None
+
+
+def _file(face: bpy.types.Object) -> bytes:
+    """The face file; the user may have written anything into the property."""
+    file = face.get(KEY)
+    if not isinstance(file, bytes) or not file:
+        raise ReconstructionError(messages.NO_FILE.format(name=face.name))
+    return file

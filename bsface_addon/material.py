@@ -27,6 +27,7 @@ PLAIN = (0.62, 0.42, 0.33, 1.0)
 KIND_KEY = "bsface_map"
 LEGEND_KEY = "bsface_legend"
 WHOLE_KEY = "bsface_whole"
+_NODES = ("Skin", "Flat", "Plain")
 # Names of kinds in files of version 0.1.
 OLD_KINDS = {"CONFIDENCE": "DEVIATION"}
 
@@ -35,6 +36,8 @@ def of_face(face: bpy.types.Object) -> bpy.types.Material:
     """The face's own material; made where it has none yet."""
     found = existing(face)
     if found is not None:
+        if any(name not in found.node_tree.nodes for name in _NODES):
+            _nodes(found)  # the user deleted some
         return found
     material = bpy.data.materials.new(f"BSface {face.name}")
     material["bsface"] = True
@@ -197,7 +200,9 @@ def _nodes(material: bpy.types.Material) -> None:
     if material.node_tree is None:
         material.use_nodes = True  # before Blender 5.0; deprecated since
     nodes = material.node_tree.nodes
-    nodes.clear()
+    for node in list(nodes):
+        if node.name not in (*MAPS, DETAIL):
+            nodes.remove(node)
     for name, kind, place in (
         ("Output", "ShaderNodeOutputMaterial", (500, 0)),
         ("Skin", "ShaderNodeBsdfPrincipled", (0, 0)),

@@ -86,6 +86,15 @@ COPIED = "The information is in the clipboard; paste it into your report"
 LEFTOVERS = "Cameras and suns of a face that was deleted are still there"
 COARSE_OPEN = "The coarse net is open; press Done first"
 NO_COARSE = "Press Edit a Coarse Net first"
+NO_FILE = (
+    "{name} has lost what BSface keeps with it (the custom property bsface_file); "
+    "undo, or reconstruct it again"
+)
+NO_SIZE = "{name} is scaled to nothing; clear its scale (Alt S)"
+NO_NUMBERS = (
+    "{name} has control points that are no finite numbers, or all at one place; undo, "
+    "or remove it"
+)
 TOO_FEW_POINTS = "The face has too few control points for a coarse net: {why}"
 NO_LEFTOVERS = "Nothing is left of deleted faces"
 REMOVED = "{count} objects of deleted faces were removed"

@@ -10,7 +10,8 @@ from __future__ import annotations
 import bpy
 from mathutils import Matrix
 
-from . import surface_object
+from ..core.errors import ReconstructionError
+from . import messages, surface_object
 
 MARK = "bsface"
 NAME = "rig"
@@ -67,6 +68,11 @@ def attach(obj: bpy.types.Object, rig: bpy.types.Object, pose: Matrix) -> None:
         Of the face.
     pose : (4, 4) matrix
         Object axes -> head axes; its translation in millimetres.
+
+    Raises
+    ------
+    ReconstructionError
+        The face has no size.
     """
     face = face_of_rig(rig)
     frame = surface_object.local_frame(face)
@@ -74,6 +80,8 @@ def attach(obj: bpy.types.Object, rig: bpy.types.Object, pose: Matrix) -> None:
     # Head axes, but the scene's lengths: the rig has the face's own scale.
     turn = frame.to_quaternion().to_matrix().to_4x4()
     scale = face.matrix_world.to_scale().x
+    if scale == 0:
+        raise ReconstructionError(messages.NO_SIZE.format(name=face.name))
     obj.matrix_parent_inverse = turn @ Matrix.Scale(1 / scale, 4)
     place = Matrix(pose)
     place.translation *= scale * frame.to_scale().x
@@ -85,5 +93,10 @@ def members(face: bpy.types.Object, kind: str) -> list[bpy.types.Object]:
     rig = find(face)
     if rig is None:
         return []
-    found = [obj for obj in rig.children if obj.type == kind and PHOTO_KEY in obj]
+    # The user may write anything into a custom property.
+    found = [
+        obj
+        for obj in rig.children
+        if obj.type == kind and isinstance(obj.get(PHOTO_KEY), str)
+    ]
     return sorted(found, key=lambda obj: obj.name)

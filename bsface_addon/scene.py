@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from pathlib import Path
 
 import bpy
@@ -150,8 +151,9 @@ def photo_files(face: bpy.types.Object) -> tuple[Path, ...]:
     ReconstructionError
         None is.
     """
-    paths = (Path(row["path"]) for row in stored(face, PHOTOS, []) if row["path"])
-    found = tuple(path for path in paths if path.is_file())
+    rows = [row for row in stored(face, PHOTOS, []) if isinstance(row, dict)]
+    names = [row["path"] for row in rows if isinstance(row.get("path"), str)]
+    found = tuple(Path(name) for name in names if name and os.path.isfile(name))
     if not found:
         raise ReconstructionError(messages.NO_SUCH_FILES.format(name=face.name))
     return found
@@ -175,11 +177,13 @@ def active_face(context):
 
 
 def stored(face, key, default):
-    """A JSON fact of a face."""
+    """A JSON fact of a face; the default where it is none of the default's kind."""
     try:
-        return json.loads(face[key])
-    except (KeyError, TypeError, ValueError):
+        fact = json.loads(face[key])
+    except (KeyError, TypeError, ValueError, RecursionError):
         return default
+    known = default is None or isinstance(fact, type(default))
+    return fact if known else default
 
 
 @contextlib.contextmanager

@@ -75,6 +75,10 @@ def is_surface(obj: bpy.types.Object | None) -> bool:
     """Whether ``obj`` is one bicubic NURBS surface patch that `read` can read."""
     if obj is None or obj.type != "SURFACE" or len(obj.data.splines) != 1:
         return False
+    unit = obj.get(UNIT_KEY, 1.0)
+    # The user may write anything into a custom property.
+    if not isinstance(unit, float | int) or not 1e-12 < unit < 1e12:
+        return False
     spline = obj.data.splines[0]
     return (
         spline.point_count_u >= ORDER

@@ -128,6 +128,9 @@ class BSFACE_OT_surface_resample(ChangingOperator, bpy.types.Operator):
         keys = face.data.shape_keys.key_blocks[1:] if face.data.shape_keys else []
         values = {key.name: key.value for key in keys}
         nets = [surface_object.read(face, name) for name in (None, *values)]
+        if not np.isfinite(nets).all():
+            self.report({"ERROR"}, messages.NO_NUMBERS.format(name=face.name))
+            return {"CANCELLED"}
         basis, *shapes = np.moveaxis(resampled_net(np.stack(nets, 2), count), 2, 0)
         with scene.all_or_nothing(context):
             surface_object.write(context, face, basis)
@@ -159,7 +162,11 @@ class BSFACE_OT_surface_symmetrise(ChangingOperator, bpy.types.Operator):
         from ...core.surface.symmetry import symmetrised
 
         face = scene.active_face(context)
-        surface = face_file.surface(face)
+        try:
+            surface = face_file.surface(face)
+        except ReconstructionError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         points = symmetrised(surface, self.side.lower(), self.amount).control_points
         with scene.all_or_nothing(context):
             scene.leave_edit_mode(context)
@@ -192,12 +199,17 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
 
     def execute(self, context):
         face = scene.active_face(context)
-        if self.kind == "NORMALS":
-            # Of the surface as it is now; those of the run are there already.
-            known = material.stored_map(face, "NORMALS") is not None
-            if face_file.moved(face).any() or not known:
-                made = maps.normals(face_file.surface(face), face_file.outline(face))
-                material.store_map(face, "NORMALS", made)
+        try:
+            if self.kind == "NORMALS":
+                # Of the surface as it is now; those of the run are there already.
+                known = material.stored_map(face, "NORMALS") is not None
+                if face_file.moved(face).any() or not known:
+                    surface = face_file.surface(face)
+                    made = maps.normals(surface, face_file.outline(face))
+                    material.store_map(face, "NORMALS", made)
+        except ReconstructionError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         try:
             material.show(face, self.kind)
         except KeyError:
@@ -259,6 +271,9 @@ class BSFACE_OT_coarse_edit(ChangingOperator, bpy.types.Operator):
         photo_expression.hide(face)
         try:
             coarse_editor.open_editor(context, face)
+        except ReconstructionError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         except ValueError as error:
             self.report({"ERROR"}, messages.TOO_FEW_POINTS.format(why=error))
             return {"CANCELLED"}

@@ -172,6 +172,7 @@ def _from_array(array: np.ndarray, name: str, limits: Limits) -> Photo | PhotoFa
         if array.min() < 0 or array.max() > 1:
             return bad("holds floats outside [0, 1]")
         array = np.round(array * 65535).astype(np.uint16)
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)
     if array.dtype not in (np.uint8, np.uint16):
         return bad(f"holds {array.dtype} values")
     array = array[..., :3] if array.shape[2] >= 3 else np.repeat(array, 3, 2)

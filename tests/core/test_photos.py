@@ -295,6 +295,8 @@ def test_arrays_of_all_allowed_kinds():
         assert photo.size == (64, 48)
         np.testing.assert_array_equal(photo.bytes8(), image)
     assert read_photo(image[..., 0], "p").pixels.shape == (48, 64, 3)
+    foreign = read_photo((image.astype(np.uint16) * 257).astype(">u2"), "p")
+    np.testing.assert_array_equal(foreign.bytes8(), image)
 
 
 @pytest.mark.parametrize(
