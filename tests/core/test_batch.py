@@ -340,3 +340,10 @@ def test_a_person_whose_name_is_no_text_costs_nobody(tmp_path):
     assert [outcome.status for outcome in outcomes] == ["failed"]
     assert r"caf\udce9" in (out / "summary.csv").read_text("utf-8")
     assert all(line.isprintable() for line in batch_record.summary_lines(outcomes))
+
+
+def test_a_folder_in_the_place_of_the_table_is_named(tmp_path):
+    (tmp_path / "people" / "ann").mkdir(parents=True)
+    (tmp_path / "out" / "summary.csv").mkdir(parents=True)
+    with pytest.raises(ValueError, match=r"summary\.csv: is a folder"):
+        batch.run_batch(tmp_path / "people", tmp_path / "out")
