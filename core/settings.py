@@ -70,12 +70,15 @@ class Settings:
         How far a landmark may lie from its place on the template, standard deviation.
     landmark_noise_mm : float
         Standard deviation of a landmark in one photo, besides the template's own.
-    modes, expression_modes : float
-        Factors on the standard deviations of the identity modes and of the modes of an
-        expression that all photos share, 0 = none.
-    smooth_mm, smooth_length : float
-        Standard deviation (mm) and correlation length (of the parameter square) of the
-        displacement that the modes cannot express.
+    modes : float
+        Factor on the standard deviations of the modes of identity, 0 = none.
+    expression_modes : float
+        Factor on the standard deviations of the modes of an expression that all photos
+        share, 0 = none.
+    smooth_mm : float
+        Standard deviation of the displacement that the modes cannot express, mm.
+    smooth_length : float
+        Its correlation length, in parts of the parameter square.
     light_degree : int
         Of the spherical harmonics of each photo's light: 1 is the paper's model (four
         numbers), 2 suffices without shadows, 6 (49 numbers) follows hard light; at
