@@ -37,9 +37,8 @@ class SurfaceMeasures:
     farthest : float
         Largest distance of a surface point, in eye distances.
     net : float
-        Largest distance of a control point, in eye distances; those of the net's border,
-        which reach the surface with a quarter of the weight of the others, count as
-        much less.
+        Largest distance of a control point, in eye distances. Those of the net's border
+        reach the surface with a quarter of the weight of others, and count as much.
     turned : float
         Share of the skin whose normal is turned by more than 90 degrees.
     stretch : float
