@@ -94,9 +94,7 @@ class Channel:
     def __call__(self, photo: Photo, camera: Camera, blur_mm: float) -> IntensityField:
         """See `PictureReader`."""
         field = smooth_photo(photo, camera, blur_mm, colour=True)
-        count = field.maps.shape[2]
-        slopes = field.slopes[..., self.index :: count]
-        return replace(field, maps=field.maps[..., [self.index]], slopes=slopes)
+        return replace(field, maps=field.maps[..., [self.index]])
 
 
 def nothing_hidden(

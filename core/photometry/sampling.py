@@ -24,6 +24,7 @@ from ..surface.bspline import BSplineSurface, basis_matrix, unit_normals
 DEPTH_MARGIN = 4.0
 CELL = 1.5  # side of a depth cell, mm
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+_NEIGHBOURS = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], float)
 
 
 @dataclass(frozen=True)
@@ -34,14 +35,11 @@ class IntensityField:
     ----------
     maps : (h, w, c) float32 array
         Linear intensity of the channels.
-    slopes : (h, w, 2 c) float32 array
-        Their derivatives along x, then y, per pixel of `maps`.
     window : (x0, y0, scale)
         As in `Photo.window`.
     """
 
     maps: NDArray[np.float32]
-    slopes: NDArray[np.float32]
     window: tuple[float, float, float]
 
     def read(self, xy: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -61,10 +59,13 @@ class IntensityField:
         """
         x0, y0, scale = self.window
         at = (xy - (x0, y0) + 0.5) * scale - 0.5
-        h, w, c = self.maps.shape
-        inside = ((at > 0.5) & (at < (w - 1.5, h - 1.5))).all(1)
-        slope = interpolate(self.slopes, at).reshape(-1, 2, c)
-        return interpolate(self.maps, at), scale * slope.transpose(0, 2, 1), inside
+        h, w, _ = self.maps.shape
+        inside = ((at >= 1) & (at <= (w - 2, h - 2))).all(1)
+        # Differences of neighbours, as a picture of the slopes would hold them: it would
+        # take twice the memory of the intensity.
+        found = interpolate(self.maps, at + _NEIGHBOURS[:, None])
+        slope = scale / 2 * np.stack([found[1] - found[2], found[3] - found[4]], -1)
+        return found[0], slope, inside
 
 
 def smooth_photo(
@@ -98,9 +99,7 @@ def smooth_photo(
         scale, sigma = scale / shrink, sigma / shrink
     if sigma > 0.3:
         image = cv2.GaussianBlur(image, (0, 0), sigma).reshape(image.shape)
-    gy, gx = np.gradient(image, axis=(0, 1))
-    slopes = np.concatenate([gx, gy], 2).astype(np.float32)
-    return IntensityField(image.astype(np.float32), slopes, (x0, y0, scale))
+    return IntensityField(image.astype(np.float32), (x0, y0, scale))
 
 
 def occlusion(

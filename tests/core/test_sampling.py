@@ -110,7 +110,7 @@ def test_places_that_are_no_numbers_are_outside():
 
 def test_many_points_and_channels():
     maps = np.arange(6 * 8 * 5, dtype=np.float32).reshape(6, 8, 5)
-    field = IntensityField(maps, np.zeros((6, 8, 10), np.float32), (0, 0, 1.0))
+    field = IntensityField(maps, (0, 0, 1.0))
     xy = np.tile([[3.0, 2.0]], (40_000, 1))
     value, _, inside = field.read(xy)
     assert inside.all()
