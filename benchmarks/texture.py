@@ -43,7 +43,8 @@ def main() -> None:
     for folder in given.photos:
         face = reconstruct(folder)
         texture = bake_texture(face, given.size)
-        name = "/".join(folder.resolve().parts[-2:])
+        parts = [p for p in folder.resolve().parts if p != "images"]
+        name = "/".join(parts[-2:])
         rows.append({"photos": name, **compare(face, texture)})
         write_csv(given.output / "texture.csv", rows)
         if len(rows) == 1:

@@ -206,7 +206,7 @@ def held_out(rows: list[Row]) -> str:
         ("mesh", "mean MediaPipe mesh %", ".2f"),
         ("photos", "photos", ".0f"),
     )
-    lines: list[Mapping[str, object]] = [*rows]
+    lines = numbered(rows, "person", "press person")
     keys = [k for k, _, _ in columns[:3]]
     lines.append({"person": "mean"} | {k: mean_of(rows, k) for k in keys})
     return markdown(lines, [("person", "person")], columns)
@@ -238,8 +238,13 @@ def choice(rows: list[Row]) -> str:
         ("others", "others", ".0f"),
         ("silent", "silent", ".0f"),
     )
-    named = [row | {"person": f"web folder {k}"} for k, row in enumerate(rows, 1)]
+    named = numbered(rows, "person", "web folder")
     return markdown(named, [("person", "person")], columns)
+
+
+def numbered(rows: Sequence[Row], key: str, name: str) -> list[Mapping[str, object]]:
+    """The rows with numbers in the place of the names of people."""
+    return [{**row, key: f"{name} {k}"} for k, row in enumerate(rows, 1)]
 
 
 def reprojection(rows: list[Row]) -> str:
@@ -252,7 +257,10 @@ def reprojection(rows: list[Row]) -> str:
         ("detector", "detector, true %", ".2f"),
         ("true", "surface, true %", ".2f"),
     )
-    return markdown(rows, (("name", "photos of"),), columns)
+    examples = [row for row in rows if row["name"] == "examples"]
+    people = [row for row in rows if row["name"] != "examples"]
+    named = [*examples, *numbered(people, "name", "press person")]
+    return markdown(named, (("name", "photos of"),), columns)
 
 
 TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {

@@ -61,8 +61,8 @@ class IntensityField:
         at = (xy - (x0, y0) + 0.5) * scale - 0.5
         h, w, _ = self.maps.shape
         inside = ((at >= 1) & (at <= (w - 2, h - 2))).all(1)
-        # Differences of neighbours, as a picture of the slopes would hold them: it would
-        # take twice the memory of the intensity.
+        # Differences of neighbours, as a picture of the slopes would hold them; that
+        # would take twice the memory of the intensity.
         found = interpolate(self.maps, at + _NEIGHBOURS[:, None])
         slope = scale / 2 * np.stack([found[1] - found[2], found[3] - found[4]], -1)
         return found[0], slope, inside

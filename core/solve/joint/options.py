@@ -72,7 +72,7 @@ class JointOptions:
         Steps of the surface that are larger are shortened to this.
     tolerance : float
         Relative residual of the conjugate gradients. Against 1e-7 the mean errors of
-        twelve faces change by at most 0.004 % of the eye distance: the next steps take
+        twelve faces change by at most 0.01 % of the eye distance: the next steps take
         up what is left.
     """
 
