@@ -60,7 +60,7 @@ class IntensityField:
         x0, y0, scale = self.window
         at = (xy - (x0, y0) + 0.5) * scale - 0.5
         h, w, _ = self.maps.shape
-        inside = ((at >= 1) & (at <= (w - 2, h - 2))).all(1)
+        inside = ((at > 0.5) & (at < (w - 1.5, h - 1.5))).all(1)
         # Differences of neighbours, as a picture of the slopes would hold them; that
         # would take twice the memory of the intensity.
         found = interpolate(self.maps, at + _NEIGHBOURS[:, None])
