@@ -38,7 +38,7 @@ NETS = (20, 30, 40, 60, 80)
 NET_PHOTOS = 20
 #: Megapixels, and of how many photos; 0 = as they are. Forty of twelve is the usual
 #: case of a phone.
-PIXELS = ((0, 10), (1, 10), (4, 10), (12, 10), (24, 10), (12, 40))
+PIXELS = ((0, 10), (1, 10), (4, 10), (12, 10), (24, 10), (12, 40), (12, 320))
 PROFILED = 40  #: photos of the profile
 LISTED = 15  #: functions of it that are listed
 FORMULA = (40, 2500)  #: net, points
