@@ -47,7 +47,9 @@ class StoredFace:
         try:
             stored = read_face(io.BytesIO(self.file), self.name)
         except (OSError, ValueError, zipfile.BadZipFile):
-            raise ReconstructionError(messages.NO_FILE.format(name=self.name)) from None
+            raise ReconstructionError(
+                messages.NO_FACE_FILE.format(name=self.name)
+            ) from None
         return stored.with_surface(self.surface)
 
 
@@ -95,12 +97,14 @@ def _stored(face: bpy.types.Object, name: str) -> Array:
         with np.load(io.BytesIO(_file(face)), allow_pickle=False) as archive:
             return archive[name]
     except (ValueError, KeyError, OSError, zipfile.BadZipFile):
-        raise ReconstructionError(messages.NO_FILE.format(name=face.name)) from None
+        raise ReconstructionError(
+            messages.NO_FACE_FILE.format(name=face.name)
+        ) from None
 
 
 def _file(face: bpy.types.Object) -> bytes:
     """The face file; the user may have written anything into the property."""
     file = face.get(KEY)
     if not isinstance(file, bytes) or not file:
-        raise ReconstructionError(messages.NO_FILE.format(name=face.name))
+        raise ReconstructionError(messages.NO_FACE_FILE.format(name=face.name))
     return file

@@ -86,7 +86,7 @@ COPIED = "The information is in the clipboard; paste it into your report"
 LEFTOVERS = "Cameras and suns of a face that was deleted are still there"
 COARSE_OPEN = "The coarse net is open; press Done first"
 NO_COARSE = "Press Edit a Coarse Net first"
-NO_FILE = (
+NO_FACE_FILE = (
     "{name} has lost what BSface keeps with it (the custom property bsface_file); "
     "undo, or reconstruct it again"
 )
