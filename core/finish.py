@@ -58,6 +58,7 @@ def finish(
         photometric=evidence,
         reports=reports,
         deviation=estimate.deviation,
+        skin=estimate.skin,
         settings=problem.settings,
         expressions=estimate.expressions,
         constraint=problem.constraint,

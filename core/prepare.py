@@ -26,6 +26,7 @@ from .landmarks.face_models import ModelFiles
 from .landmarks.face_selection import Candidate
 from .landmarks.frame_selection import read_frames
 from .landmarks.landmarks import Landmarks
+from .landmarks.large_photos import few_large
 from .landmarks.observations import observe_landmarks
 from .problem import Constraint, PhotoCollection, Problem
 from .progress import Progress, Step
@@ -250,6 +251,8 @@ def collect_photos(
             outcome += [faces for _, faces in frames]
         else:
             outcome.append(reader.read(source, name, check_cancelled))
+        outcome = few_large(outcome)
+    outcome = few_large(outcome, slack=0)
 
     def compared() -> None:
         _tell(progress, total, total, "comparing the faces")

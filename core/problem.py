@@ -19,6 +19,7 @@ from .images.photo import Photo
 from .landmarks.landmarks import Landmarks
 from .landmarks.observations import LandmarkObservations
 from .photometry.lighting import PhotometricEvidence
+from .photometry.skin import SkinMask
 from .progress import CheckCancelled
 from .settings import Settings
 from .surface.bspline import BSplineSurface
@@ -139,6 +140,8 @@ class FaceEstimate:
     deviation : (M, N) array or None
         Standard deviation of the control points along their normals, mm; with the last
         estimate of a method that knows it.
+    skin : tuple of n SkinMask
+        What of each photo counts as skin; empty for a method that does not ask.
     """
 
     surface: BSplineSurface
@@ -150,6 +153,7 @@ class FaceEstimate:
     photo_weights: Array
     photometric: PhotometricEvidence | None = None
     deviation: Array | None = None
+    skin: tuple[SkinMask, ...] = ()
 
 
 class Iteration(NamedTuple):

@@ -16,6 +16,7 @@ from .camera.camera import Camera
 from .images.photo import Photo
 from .landmarks.landmarks import Landmarks
 from .photometry.lighting import PhotometricEvidence
+from .photometry.skin import SkinMask
 from .problem import Constraint, Iteration
 from .settings import Settings
 from .surface.bspline import BSplineSurface
@@ -116,6 +117,9 @@ class Reconstruction:
     settings : Settings
     expressions : (n, k) array
         Coefficients of the template's expression modes in each photo.
+    skin : tuple of n SkinMask
+        What of each used photo counted as skin; empty for a method that does not ask,
+        and without pixels.
     constraint : Constraint or None
         Control points that were held.
     history : tuple of HistoryEntry
@@ -138,6 +142,7 @@ class Reconstruction:
     deviation: Array | None
     settings: Settings
     expressions: Array
+    skin: tuple[SkinMask, ...] = ()
     constraint: Constraint | None = None
     history: tuple[HistoryEntry, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -129,29 +129,37 @@ def choose_frames(frames: Sequence[Frame], limit: int) -> tuple[Frame, ...]:
         In the order of the video.
     limit : int
     """
-    best = FrameGroups(frames).best
-    if len(best) > limit:
-        looks = np.stack([f.thumbnail.ravel() for f in best]).astype(np.float64)
-        sharpness = np.array([f.sharpness for f in best])
-        best = [best[i] for i in far_apart(looks, sharpness, limit)]
-    return tuple(sorted(best, key=lambda f: f.number))
+    return differing_looks(FrameGroups(frames).best, limit)
 
 
-def far_apart(features: Array, sharpness: Array, count: int) -> list[int]:
-    """Indices of rows that lie far from each other, sharp ones before blurred ones.
+def differing_looks(frames: Sequence[Frame], limit: int) -> tuple[Frame, ...]:
+    """At most `limit` of the frames, in the order of the video."""
+    chosen = list(frames)
+    if len(chosen) > limit:
+        looks = np.stack([f.thumbnail.ravel() for f in chosen]).astype(np.float64)
+        weight = up_to_median(np.array([f.sharpness for f in chosen]))
+        chosen = [chosen[i] for i in far_apart(looks, weight, limit)]
+    return tuple(sorted(chosen, key=lambda f: f.number))
 
-    The sharpest comes first, then again and again the one that is farthest from all
-    chosen, its distance times its sharpness; sharpness above the median counts as the
-    median does (farthest-point sampling, Gonzalez 1985).
+
+def up_to_median(values: Array) -> Array:
+    """Numbers that are not negative, relative to their median; 1 above it."""
+    return np.minimum(values / max(float(np.median(values)), 1e-12), 1.0)
+
+
+def far_apart(features: Array, weight: Array, count: int) -> list[int]:
+    """Indices of rows that lie far from each other, heavy ones before light ones.
+
+    The heaviest comes first, then again and again the one whose distance from all
+    chosen times its weight is largest (farthest-point sampling, Gonzalez 1985).
 
     Parameters
     ----------
     features : (n, k) array
-    sharpness : (n,) array, not negative
+    weight : (n,) array, not negative
     count : int
     """
-    weight = np.minimum(sharpness / max(float(np.median(sharpness)), 1e-12), 1.0)
-    chosen = [int(sharpness.argmax())]
+    chosen = [int(weight.argmax())]
     nearest = np.full(len(features), np.inf)
     while len(chosen) < min(count, len(features)):
         away = np.linalg.norm(features - features[chosen[-1]], axis=1)
@@ -159,4 +167,4 @@ def far_apart(features: Array, sharpness: Array, count: int) -> list[int]:
         score = nearest * weight
         score[chosen] = -1.0
         chosen.append(int(score.argmax()))
-    return chosen
+    return chosen[:count]

@@ -17,6 +17,10 @@ import numpy as np
 from .._types import Array, Array32, Picture, Picture8
 from .colour import srgb_table
 
+#: ``x0, y0, scale`` of a part of a picture:
+#: ``original_xy = (x0, y0) + (part_xy + 0.5) / scale - 0.5``.
+Window = tuple[float, float, float]
+
 
 @dataclass(frozen=True, eq=False)
 class Photo:
@@ -32,9 +36,8 @@ class Photo:
         Width and height of the whole turned original, in pixels.
     pixels : (h, w, 3) uint8 or uint16 array
         RGB, sRGB-encoded.
-    window : (float, float, float)
-        ``x0, y0, scale`` of `pixels` in the original:
-        ``original_xy = (x0, y0) + (pixel_xy + 0.5) / scale - 0.5``.
+    window : Window
+        Of `pixels` in the original.
     note : str
         What the reader should know about how it was read, in one sentence; or empty.
     mask : (h', w') float32 array or None
@@ -45,7 +48,7 @@ class Photo:
     path: Path | None
     size: tuple[int, int]
     pixels: Picture
-    window: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    window: Window = (0.0, 0.0, 1.0)
     note: str = ""
     mask: Array32 | None = None
 
@@ -55,19 +58,29 @@ class Photo:
 
     def to_window(self, xy: Array) -> Array:
         """Pixels of the original -> pixels of `pixels`, (..., 2)."""
-        x0, y0, scale = self.window
-        return (np.asarray(xy, float) - (x0, y0) + 0.5) * scale - 0.5
+        return pixels_in(self.window, xy)
 
     def to_original(self, xy: Array) -> Array:
         """Pixels of `pixels` -> pixels of the original, (..., 2)."""
-        x0, y0, scale = self.window
-        return (np.asarray(xy, float) + 0.5) / scale - 0.5 + (x0, y0)
+        return pixels_of(self.window, xy)
 
     def bytes8(self) -> Picture8:
         """(h, w, 3) uint8 RGB, what a detector or a page wants."""
         if self.pixels.dtype == np.uint8:
             return self.pixels.astype(np.uint8, copy=False)
         return ((self.pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
+
+
+def pixels_in(window: Window, xy: Array) -> Array:
+    """Pixels of the original -> pixels of a part of it, (..., 2)."""
+    x0, y0, scale = window
+    return (np.asarray(xy, float) - (x0, y0) + 0.5) * scale - 0.5
+
+
+def pixels_of(window: Window, xy: Array) -> Array:
+    """Pixels of a part -> pixels of the original, (..., 2)."""
+    x0, y0, scale = window
+    return (np.asarray(xy, float) + 0.5) / scale - 0.5 + (x0, y0)
 
 
 def cut(
@@ -90,19 +103,24 @@ def cut(
     corners = photo.to_window(np.reshape(np.asarray(box, float), (2, 2)))
     low = np.clip(np.floor(corners[0]), 0, (w - 1, h - 1)).astype(int)
     high = np.clip(np.ceil(corners[1]) + 1, low + 1, (w, h)).astype(int)
-    part: np.ndarray = photo.pixels[low[1] : high[1], low[0] : high[0]]
     x0, y0, scale = photo.window
-    origin = (x0 + low[0] / scale, y0 + low[1] / scale)
+    window = (x0 + low[0] / scale, y0 + low[1] / scale, scale)
+    part: np.ndarray = photo.pixels[low[1] : high[1], low[0] : high[0]]
+    found = reduced(replace(photo, pixels=part, window=window), max_side)
+    # A view would keep the whole picture in memory.
+    return replace(found, pixels=found.pixels.copy())
+
+
+def reduced(photo: Photo, max_side: int) -> Photo:
+    """The photo with at most so many pixels on its longer side; never enlarged."""
+    part: np.ndarray = photo.pixels
     # Not so small that a strip at the picture's edge vanishes.
     factor = max(max_side / max(part.shape[:2]), 1 / min(part.shape[:2]))
-    if factor < 1:
-        # With dsize empty, cv2 uses exactly this factor on both axes; with a
-        # size it would round the factor to the size, per axis.
-        part = cv2.resize(
-            part, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA
-        )
-        part = part[:max_side, :max_side]
-    else:
-        factor = 1.0
-        part = part.copy()
-    return replace(photo, pixels=part, window=(*origin, float(scale * factor)))
+    if factor >= 1:
+        return photo
+    # With dsize empty, cv2 uses exactly this factor on both axes; with a size it would
+    # round the factor to the size, per axis.
+    part = cv2.resize(part, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+    part = part[:max_side, :max_side]
+    x0, y0, scale = photo.window
+    return replace(photo, pixels=part, window=(x0, y0, float(scale * factor)))

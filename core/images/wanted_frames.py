@@ -18,7 +18,7 @@ import numpy as np
 from .._types import Picture8
 from ..progress import CheckCancelled
 from .capture import opened
-from .frames import Frame, far_apart, look
+from .frames import Frame, differing_looks, look
 
 # OpenCV starts at the key frame before the sixteenth frame before the one that is asked
 # for; phones and cameras store a key frame per second at least.
@@ -57,13 +57,7 @@ class HeldFrames:
         if count * bgr.nbytes <= self._limit:
             return
         count = int(_KEPT * self._limit / bgr.nbytes)
-        if count == 0:
-            self.keep([])
-            return
-        held = list(self._frames.values())
-        looks = np.stack([f.thumbnail.ravel() for f in held]).astype(np.float64)
-        sharpness = np.array([f.sharpness for f in held])
-        self.keep([held[i] for i in far_apart(looks, sharpness, count)])
+        self.keep(differing_looks(list(self._frames.values()), count))
 
     def drop(self, frame: Frame) -> None:
         """Hold a frame no longer, if it is held."""

@@ -38,3 +38,12 @@ class Candidate:
     found: Landmarks | None = None
     drawn: bool = False
     misplaced: bool = False
+
+
+#: The faces of one photo, the largest first.
+Faces = tuple[Candidate, ...]
+
+
+def usable_faces(faces: Faces) -> Faces:
+    """Those without a failure, which is false where it is tested for its truth."""
+    return tuple(face for face in faces if face.failure is None)

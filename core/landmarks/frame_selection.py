@@ -11,29 +11,17 @@ import os
 from collections import Counter
 from collections.abc import Sequence
 
-import cv2
-import numpy as np
-
-from .._types import Array
 from ..errors import PhotoFailure
 from ..images.decode import LIMITS, Limits
-from ..images.frames import far_apart
 from ..images.video import read_video
 from ..images.watching import Watched
 from ..progress import CheckCancelled, never_cancelled
 from .candidates import CandidateReader
-from .face_selection import Candidate
-from .quality import face_patch, sharpness
+from .differing import differing_faces
+from .face_selection import Faces, usable_faces
 
 # As many photos as the methods need of one person; more cost time and gain little.
 FRAMES = 60
-# One step apart: heads turned by ten degrees, or faces whose brightness, over its mean,
-# differs by so much (root mean square).
-POSE_STEP = np.sin(np.radians(10))
-LIGHT_STEP = 0.15
-_CELLS = 6
-
-Faces = tuple[Candidate, ...]
 
 
 def read_frames(
@@ -98,52 +86,11 @@ def read_frames(
             found.append((photo.name, faces))
     if not found and failures:
         return [(name, _useless(name, failures)), *ignored]
-    chosen = differing_frames([faces for _, faces in found], limit)
+    chosen = differing_faces([usable_faces(faces)[0] for _, faces in found], limit)
     used: list[tuple[str, Faces | PhotoFailure]] = [found[i] for i in chosen]
     if seen < len(video.frames):
         used.append((name, _changed(name)))
     return [*used, *ignored]
-
-
-def differing_frames(found: Sequence[Faces], limit: int) -> list[int]:
-    """Indices of at most `limit` sharp frames that differ in pose and light.
-
-    Parameters
-    ----------
-    found : sequence of tuple of Candidate
-        Of each frame; one candidate at least has no failure.
-    limit : int
-
-    Returns
-    -------
-    list of int
-        In ascending order.
-    """
-    if len(found) <= limit:
-        return list(range(len(found)))
-    usable = [usable_faces(faces)[0] for faces in found]
-    features = np.stack([_pose_and_light(face) for face in usable])
-    detail = np.array(
-        [sharpness(face_patch(f.photo, f.landmarks, f.fit)) for f in usable]
-    )
-    return sorted(far_apart(features, detail, limit))
-
-
-def usable_faces(faces: Faces) -> Faces:
-    """Those without a failure, which is false where it is tested for its truth."""
-    return tuple(face for face in faces if face.failure is None)
-
-
-def _pose_and_light(face: Candidate) -> Array:
-    """(3 + 36,) numbers: distances of 1 are one step in pose or in light."""
-    rows = face.fit.affine[:, :3] / np.linalg.norm(
-        face.fit.affine[:, :3], axis=1, keepdims=True
-    )
-    toward = np.cross(rows[0], -rows[1])  # the camera, seen from the head
-    patch = face_patch(face.photo, face.landmarks, face.fit)
-    cells = cv2.resize(patch, (_CELLS, _CELLS), interpolation=cv2.INTER_AREA)
-    light = cells / max(float(cells.mean()), 1.0)
-    return np.concatenate([toward / POSE_STEP, light.ravel() / (LIGHT_STEP * _CELLS)])
 
 
 def _changed(name: str) -> PhotoFailure:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .._types import Array
 from ..camera.camera import Camera
-from ..images.photo import Photo
+from ..images.photo import Photo, Window, pixels_in
 from ..images.remap import interpolate
 from ..surface.bspline import BSplineSurface, basis_matrix, unit_normals
 
@@ -35,12 +35,23 @@ class IntensityField:
     ----------
     maps : (h, w, c) float32 array
         Linear intensity of the channels.
-    window : (x0, y0, scale)
-        As in `Photo.window`.
+    window : Window
+        In the original photo.
     """
 
     maps: NDArray[np.float32]
-    window: tuple[float, float, float]
+    window: Window
+
+    def around(self, xy: Array, margin: float) -> IntensityField:
+        """The part about places (p, 2), with a margin; pixels of the original."""
+        low, high = xy.min(0) - margin, xy.max(0) + margin
+        h, w, _ = self.maps.shape
+        corners = pixels_in(self.window, np.stack([low, high]))
+        x0, y0 = np.clip(np.floor(corners[0]), 0, (w - 1, h - 1)).astype(int)
+        x1, y1 = np.clip(np.ceil(corners[1]) + 1, (x0 + 1, y0 + 1), (w, h)).astype(int)
+        left, top, scale = self.window
+        window = (left + x0 / scale, top + y0 / scale, scale)
+        return IntensityField(self.maps[y0:y1, x0:x1].copy(), window)
 
     def read(self, xy: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Intensity, gradient and whether the photo covers the place.
@@ -57,14 +68,17 @@ class IntensityField:
             Per pixel of the original.
         inside : (p,) bool array
         """
-        x0, y0, scale = self.window
-        at = (xy - (x0, y0) + 0.5) * scale - 0.5
+        at = pixels_in(self.window, xy)
         h, w, _ = self.maps.shape
         inside = ((at > 0.5) & (at < (w - 1.5, h - 1.5))).all(1)
         # Differences of neighbours, as a picture of the slopes would hold them; that
         # would take twice the memory of the intensity.
         found = interpolate(self.maps, at + _NEIGHBOURS[:, None])
-        slope = scale / 2 * np.stack([found[1] - found[2], found[3] - found[4]], -1)
+        slope = (
+            self.window[2]
+            / 2
+            * np.stack([found[1] - found[2], found[3] - found[4]], -1)
+        )
         return found[0], slope, inside
 
 

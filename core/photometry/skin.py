@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from .._types import Array, Array32, Mask, Picture8
 from ..camera.camera import Camera
-from ..images.photo import Photo, cut
+from ..images.photo import Photo, Window, cut, pixels_in, pixels_of
 from ..images.remap import interpolate
 from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface
@@ -67,24 +67,19 @@ class SkinMask:
     ----------
     values : (h, w) float32 array
         1 = skin, 0 = something else.
-    window : (x0, y0, scale)
-        As in `Photo.window`: which part of the original the mask covers.
+    window : Window
+        Which part of the original the mask covers.
     measured : (h, w) float32 array or None
         The values before the photo's own mask corrected them; None without one.
     """
 
     values: Array32
-    window: tuple[float, float, float]
+    window: Window
     measured: Array32 | None = None
 
     def read(self, xy: Array) -> Array:
         """The mask at pixels (p, 2) of the original, ``(p,)``; as at its rim beyond."""
-        return interpolate(self.values, self.pixels(np.asarray(xy, float)))
-
-    def pixels(self, xy: Array) -> Array:
-        """Pixels of the mask under those of the original, ``(..., 2)``."""
-        x0, y0, scale = self.window
-        return (xy - (x0, y0) + 0.5) * scale - 0.5
+        return interpolate(self.values, pixels_in(self.window, xy))
 
     def on(self, photo: Photo) -> Array32:
         """The mask in the pixels of a cut-out, ``(h, w)``."""
@@ -93,13 +88,10 @@ class SkinMask:
         return self.read(xy).reshape(h, w).astype(np.float32)
 
 
-def _original_pixels(
-    shape: tuple[int, ...], window: tuple[float, float, float]
-) -> Array:
+def _original_pixels(shape: tuple[int, ...], window: Window) -> Array:
     """Pixels of the original under those of a part of it, row by row, (h * w, 2)."""
-    x0, y0, scale = window
     y, x = np.indices(shape[:2])
-    return (np.stack([x, y], -1).reshape(-1, 2) + 0.5) / scale - 0.5 + (x0, y0)
+    return pixels_of(window, np.stack([x, y], -1).reshape(-1, 2))
 
 
 class _Colours(NamedTuple):
@@ -291,7 +283,7 @@ def _mask(photo: Photo, camera: Camera, colours: _Colours, i: int) -> SkinMask:
 
 def _expected(
     shape: tuple[int, int],
-    window: tuple[float, float, float],
+    window: Window,
     camera: Camera,
     colours: _Colours,
     i: int,

@@ -30,7 +30,8 @@ from ..drawing.pictures import write_png
 from ..errors import ReconstructionError
 from ..images.colour import to_picture
 from ..kinds import CALLBACK, SWITCH, expect, expect_paths, expect_whole
-from ..photometry.skin import SkinMask
+from ..photometry.skin import SkinMask, skin_masks
+from ..progress import CheckCancelled
 from ..result import Reconstruction
 from ..threads import one_blas_thread
 from .blend import (
@@ -41,10 +42,11 @@ from .blend import (
     inner_part,
     measured_places,
 )
+from .choice import differing_photos, with_photos
 from .delit import delit_photos, telling
 from .detail import Detail, measure_detail
 from .light import PhotoLights
-from .views import channel_mean, resized
+from .views import channel_mean, faces_of, resized
 
 Picture = npt.NDArray[np.float32]
 
@@ -68,8 +70,10 @@ class Texture:
         measured.
     photos_seen : (C, C) float32 array
         How many photos count at each place.
+    photos : tuple of int
+        Numbers of the used photos that it is made of: all, or those that differ most.
     lights : PhotoLights
-        Of the used photos, in their order.
+        Of these photos.
     skin : tuple of SkinMask
         What of each used photo is skin.
     detail : Detail or None
@@ -81,6 +85,7 @@ class Texture:
     measured: npt.NDArray[np.bool_]
     residual: Picture
     photos_seen: Picture
+    photos: tuple[int, ...]
     lights: PhotoLights
     skin: tuple[SkinMask, ...]
     detail: Detail | None = None
@@ -124,18 +129,15 @@ def bake_texture(
     expect(SWITCH, "true or false", detail=detail)
     if size is not None:
         expect_whole(64, 8192, size=size)
-    photos, cameras = reconstruction.photos, reconstruction.cameras
     if not reconstruction.has_pixels:
         raise ReconstructionError(
             "A texture needs the photos of the reconstruction; run it again with them."
         )
     tell = progress or (lambda fraction: None)
-    delit = delit_photos(reconstruction, size, tell)
-    if not delit.weight.any():
-        raise ReconstructionError(
-            "The photos show no skin of which a texture could be made; check their "
-            "masks."
-        )
+    skin = reconstruction.skin or _skin(reconstruction, partial(tell, 0.0))
+    chosen = differing_photos(reconstruction)
+    reconstruction = with_photos(reconstruction, chosen)
+    delit = delit_photos(reconstruction, [skin[i] for i in chosen], size, tell)
     size, views = delit.size, delit.views
     weight, base, agreement = delit.weight, delit.base, delit.agreement
     coarse, neutral = delit.colours, delit.neutral
@@ -143,14 +145,14 @@ def bake_texture(
     counts = (weight > 0.15 * np.percentile(weight, 99)).sum(axis=0)
     average = weight
     # The weights know the expression; it matters for the mouth, hardly for the eyes.
-    front = _frontality(cameras)
+    front = _frontality(reconstruction.cameras)
     mouth = front * neutral * _closed_mouth(reconstruction)
     weight = choose_where_disagreeing(
         weight, agreement, coarse, base, front / neutral, mouth
     )
     total = np.maximum(weight.sum(axis=0), 1e-12)[..., None]
     base = fill((weight[..., None] * coarse).sum(axis=0) / total, measured)
-    pairs = telling(zip(coarse, weight, strict=True), tell, 0.28, 0.3, len(photos))
+    pairs = telling(zip(coarse, weight, strict=True), tell, 0.28, 0.3, len(chosen))
     own = np.stack([coarse_band(picture, w > 0) for picture, w in pairs])
     smooth = coarse_band(base, np.ones_like(measured))
     inner = inner_part(measured)
@@ -194,8 +196,23 @@ def bake_texture(
         residual=np.where(measured, residual, np.nan).astype(np.float32),
         photos_seen=counts.astype(np.float32),
         lights=delit.lights,
-        skin=delit.skin,
+        photos=tuple(chosen),
+        skin=skin,
         detail=relief,
+    )
+
+
+def _skin(
+    reconstruction: Reconstruction, check_cancelled: CheckCancelled
+) -> tuple[SkinMask, ...]:
+    """What of each photo is skin, for a method that did not ask."""
+    faces = faces_of(reconstruction)
+    return skin_masks(
+        reconstruction.photos,
+        faces[0] if all(face is faces[0] for face in faces) else faces,
+        reconstruction.cameras,
+        reconstruction.template,
+        check_cancelled,
     )
 
 

@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ..images.photo import Photo
-from ..photometry.skin import SkinMask, skin_masks
+from ..errors import ReconstructionError
+from ..images.photo import Photo, pixels_in
+from ..photometry.skin import SkinMask
 from ..progress import CheckCancelled
 from ..result import Reconstruction
 from .blend import COARSE, consensus, explained, weighted_median
@@ -23,7 +24,6 @@ from .light import PhotoLights, Sky, estimate_lights, open_sky
 from .views import (
     View,
     channel_mean,
-    faces_of,
     prefiltered,
     sample,
     view_photos,
@@ -58,8 +58,6 @@ class DelitPhotos:
         The photos divided by it.
     weight : (n, C, C) float32 array
         How much each photo counts; 0 where it does not see a texel.
-    skin : tuple of n SkinMask
-        What of each photo is skin.
     neutral : (n,) float32 array
         The part of that by its expression.
     base : (C, C, 3) float32 array
@@ -78,14 +76,16 @@ class DelitPhotos:
     shading: Picture
     colours: Picture
     weight: Picture
-    skin: tuple[SkinMask, ...]
     neutral: npt.NDArray[np.float32]
     base: Picture
     agreement: Picture
 
 
 def delit_photos(
-    reconstruction: Reconstruction, size: int | None, tell: Tell
+    reconstruction: Reconstruction,
+    skin: Sequence[SkinMask],
+    size: int | None,
+    tell: Tell,
 ) -> DelitPhotos:
     """The used photos on the surface, without their light.
 
@@ -93,13 +93,19 @@ def delit_photos(
     ----------
     reconstruction : Reconstruction
         With pixels.
+    skin : sequence of n SkinMask
+        What of each photo is skin.
     size : int or None
         Texels a side of the texture; by default those that the photos are worth.
     tell : callable
         Called with the fraction done of a texture, 0 to 0.27.
+
+    Raises
+    ------
+    ReconstructionError
+        When no photo shows skin.
     """
-    photos, cameras = reconstruction.photos, reconstruction.cameras
-    faces = faces_of(reconstruction)
+    photos = reconstruction.photos
     seen = view_photos(reconstruction, COARSE)
     views = list(telling(seen, tell, 0.0, 0.12, len(photos)))
     natural = natural_size(views)
@@ -110,13 +116,6 @@ def delit_photos(
     colours = np.stack([_coarse_sample(s, v) for s, v in pairs])
     weight = np.stack([view.weight for view in views])
     weight *= _well_exposed(colours)
-    skin = skin_masks(
-        photos,
-        faces[0] if all(face is faces[0] for face in faces) else faces,
-        cameras,
-        reconstruction.template,
-        lambda: tell(0.17),
-    )
     weight *= _skin_seen(skin, photos, views)
     tell(0.17)
     sky = open_sky(reconstruction.surface)
@@ -145,7 +144,6 @@ def delit_photos(
         shading=shading,
         colours=colours,
         weight=weight,
-        skin=skin,
         neutral=neutral,
         base=base,
         agreement=agreement,
@@ -173,7 +171,7 @@ def _skin_seen(
     """How far each texel shows skin in each photo, ``(n, S, S)``."""
     found = np.empty((len(views), COARSE, COARSE), np.float32)
     for i, (mask, photo, view) in enumerate(zip(masks, photos, views, strict=True)):
-        xy = mask.pixels(photo.to_original(view.xy.astype(float)))
+        xy = pixels_in(mask.window, photo.to_original(view.xy))
         skin = sample(mask.values, np.asarray(xy, np.float32))
         # A step back from hair, as from the rim of what is hidden.
         found[i] = cv2.erode(skin, np.ones((7, 7), np.uint8))
@@ -206,6 +204,11 @@ def _lights(
 ) -> PhotoLights:
     step = COARSE // _LIGHT
     part = slice(step // 2, None, step)
+    if not weight[:, part, part].any():
+        raise ReconstructionError(
+            "The photos show no skin of which a texture could be made; check their "
+            "masks."
+        )
     n = len(coarse)
     lights, _ = estimate_lights(
         coarse[:, part, part].reshape(n, -1, 3).astype(float),

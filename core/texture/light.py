@@ -218,7 +218,6 @@ def _fit_light(
     """
     used = (weight > 0) & (albedo > 0).all(axis=1)
     order = basis.shape[1]
-    light = start
     if not used.any():
         light = np.zeros_like(start)
         light[0] = 1.0
@@ -229,6 +228,7 @@ def _fit_light(
     shading, energy = colours / albedo, weight[used] * channel_mean(albedo**2)
     degree = np.sqrt(np.arange(order)).astype(int)
     strength = np.diag(np.select([degree == 0, degree == 1], [1e-6, 0.3], 1.0))
+    light = start
     for _ in range(2 if start.any() else 4):
         robust = energy
         if light.any():

@@ -8,7 +8,8 @@ from bsface.errors import PhotoFailure
 from bsface.images.decode import Limits
 from bsface.images.read import read_photo
 from bsface.landmarks.candidates import CandidateReader
-from bsface.landmarks.frame_selection import differing_frames, read_frames
+from bsface.landmarks.differing import differing_faces
+from bsface.landmarks.frame_selection import read_frames
 from bsface.progress import never_cancelled
 from bsface.settings import Settings
 from bsface.surface.template import load_template
@@ -95,7 +96,7 @@ def test_poses_are_spread(drawn):
         noise = np.random.default_rng(len(faces)).integers(0, 3, pixels.shape)
         shown = np.minimum(pixels.astype(int) + noise, 255).astype(np.uint8)
         faces.append(known.read(shown, name, never_cancelled))
-    chosen = differing_frames(faces, 6)
+    chosen = differing_faces([found for (found,) in faces], 6)
     assert sorted({k // 2 for k in chosen}) == list(range(6))
 
 

@@ -58,6 +58,9 @@ class Wave:
         slope = self.size * np.cos(xy @ self.k.T + self.phase) @ self.k
         return self.value(xy)[:, None], slope[:, None], np.ones(len(xy), bool)
 
+    def around(self, xy, margin):
+        return self
+
 
 def wave(seed):
     rng = np.random.default_rng(seed)
@@ -564,6 +567,9 @@ class Formula:
     def read(self, xy):
         slope = reference.numerical_derivative(lambda e: self.value(xy + e), 2, 1e-3)
         return self.value(xy)[:, None], slope[:, None], np.ones(len(xy), bool)
+
+    def around(self, xy, margin):
+        return self
 
 
 @dataclass(frozen=True)

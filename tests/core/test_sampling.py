@@ -108,6 +108,25 @@ def test_places_that_are_no_numbers_are_outside():
     assert not inside.any()
 
 
+def test_a_part_of_a_field_reads_the_same():
+    photo = ramp_photo(60, 40, (10.0, 20.0, 0.5))
+    field = smooth_photo(photo, FRONT, 2.0)
+    xy = photo.to_original(np.array([[30.0, 20.0], [36.0, 25.0], [33.3, 22.2]]))
+    part = field.around(xy, 6.0)
+    assert part.maps.size < field.maps.size / 4
+    for found, expected in zip(part.read(xy), field.read(xy), strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+    *_, inside = part.read(photo.to_original(np.array([[5.0, 5.0]])))
+    assert not inside.any()
+
+
+def test_a_part_beyond_the_picture_is_empty_of_places():
+    field = smooth_photo(ramp_photo(60, 40, (0, 0, 1.0)), FRONT, 2.0)
+    far = np.array([[500.0, -300.0], [520.0, -310.0]])
+    *_, inside = field.around(far, 6.0).read(far)
+    assert not inside.any()
+
+
 def test_many_points_and_channels():
     maps = np.arange(6 * 8 * 5, dtype=np.float32).reshape(6, 8, 5)
     field = IntensityField(maps, (0, 0, 1.0))

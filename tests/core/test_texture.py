@@ -1,5 +1,7 @@
 """Textures of drawn photos whose skin and light are known."""
 
+from dataclasses import replace
+
 import _texture_check as texture_check
 import cv2
 import numpy as np
@@ -9,6 +11,7 @@ from bsface.formats.mesh import signed_distance
 from bsface.images.colour import decode_srgb, encode_srgb, to_picture
 from bsface.images.photo import Photo
 from bsface.photometry import harmonics
+from bsface.photometry.skin import SkinMask
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
 from bsface.texture import bake as texture
@@ -62,6 +65,17 @@ def test_srgb_curve_is_its_own_inverse_and_ends_where_it_should():
     assert to_picture([1.0], 16).dtype == np.uint16
     with pytest.raises(ValueError, match="8 or 16"):
         to_picture([1.0], 12)
+
+
+def test_the_texture_is_made_of_the_skin_that_the_face_was_made_of(painted):
+    dark = SkinMask(np.zeros((5, 5), np.float32), (0.0, 0.0, 5 / 200))
+    count = len(painted.photos)
+    with pytest.raises(ReconstructionError, match="show no skin"):
+        texture.bake_texture(replace(painted, skin=(dark,) * count), SIZE)
+    light = replace(dark, values=np.ones((5, 5), np.float32))
+    masks = (light, *(dark,) * (count - 1))
+    found = texture.bake_texture(replace(painted, skin=masks), SIZE, detail=False)
+    assert found.skin == masks and found.photos_seen.max() == 1
 
 
 def test_surface_maps_agree_with_the_surface():

@@ -27,8 +27,6 @@ class Border:
     Attributes
     ----------
     rows : Linearisation
-    V : (4, n, p) array
-        ``W c_a`` and ``W s``.
     den : (p,) array
         Precision of the albedo.
     share : (3, p) array
@@ -38,24 +36,23 @@ class Border:
     def __init__(self, rows: Linearisation) -> None:
         c, W, s = rows.by_displacement, rows.precision, rows.shading
         self.rows = rows
-        self.V = np.empty((4, *W.shape))
-        np.multiply(c, W, out=self.V[:3])
-        np.multiply(s, W, out=self.V[3])
-        energy = np.maximum((self.V[3] * s).sum(0), _UNSEEN)
+        Ws = W * s
+        energy = np.maximum((Ws * s).sum(0), _UNSEEN)
         self.den = energy + rows.albedo_precision
-        self.share = np.einsum("ip,aip->ap", self.V[3], c) / self.den
+        self.share = np.einsum("ip,aip->ap", Ws, c) / self.den
         self._upright = [sparse.csr_array(t.T) for t in rows.samples.T]
 
     def displacement_precision(self) -> sparse.csr_array:
         """Block of the displacement, ``(M*N, M*N)``."""
-        T, c, V = self.rows.samples.T, self.rows.by_displacement, self.V
+        T, c, W = self.rows.samples.T, self.rows.by_displacement, self.rows.precision
         total = sparse.csr_array((T[0].shape[1],) * 2)
         count = np.diff(T[0].indptr)
         for b in range(3):
             # T_a have their entries in the same places: one product for each b
             data = np.zeros(len(T[0].data))
+            Wc = W * c[b]
             for a in range(3):
-                A = np.einsum("ip,ip->p", V[a], c[b])
+                A = np.einsum("ip,ip->p", Wc, c[a])
                 A -= self.share[a] * self.share[b] * self.den
                 data += np.repeat(A, count) * T[a].data
             weighted = sparse.csr_array((data, T[0].indices, T[0].indptr), T[0].shape)
@@ -65,17 +62,18 @@ class Border:
     def right(self) -> tuple[Array, Array]:
         """Right sides of displacement ``(M*N,)`` and photos ``(n, m)``."""
         rows = self.rows
-        taken = np.einsum("ip,ip->p", self.V[3], rows.residual) / self.den
-        r = rows.residual - rows.shading * taken
-        force = -np.einsum("aip,ip->ap", self.V[:3], r)
-        photos = -rows.pull(rows.precision * r)
-        return self._spread(force), photos
+        Wr = rows.precision * rows.residual
+        taken = np.einsum("ip,ip->p", rows.shading, Wr) / self.den
+        Wr -= rows.precision * rows.shading * taken
+        force = -np.einsum("aip,ip->ap", rows.by_displacement, Wr)
+        return self._spread(force), -rows.pull(Wr)
 
     @cached_property
     def photo_blocks(self) -> Array:
         """Block of each photo for a known albedo, ``(n, m, m)``."""
-        out = np.empty((len(self.V[0]), self.size, self.size))
-        for i, root in enumerate(np.sqrt(self.rows.precision)):
+        roots = np.sqrt(self.rows.precision)
+        out = np.empty((len(roots), self.size, self.size))
+        for i, root in enumerate(roots):
             out[i] = gram(root[:, None] * self.rows.by_photo(i))
         return out
 
@@ -86,7 +84,12 @@ class Border:
 
     def sums(self, z: Array) -> Array:
         """The four sums over the photos for their parameters (n, m), ``(4, p)``."""
-        return np.einsum("bip,ip->bp", self.V, self.rows.change(z))
+        rows = self.rows
+        Wu = rows.precision * rows.change(z)
+        out = np.empty((4, Wu.shape[1]))
+        np.einsum("aip,ip->ap", rows.by_displacement, Wu, out=out[:3])
+        np.einsum("ip,ip->p", rows.shading, Wu, out=out[3])
+        return out
 
     def to_shape(self, sums: Array) -> Array:
         """Coupling of the photos with the displacement, ``(M*N,)``."""
@@ -109,4 +112,8 @@ class Border:
         G[3] = -(self.share * G[:3]).sum(0)
         if albedo_sum is not None:
             G[3] += albedo_sum / self.den
-        return self.rows.pull(np.einsum("bip,bp->ip", self.V, G))
+        rows = self.rows
+        x = np.einsum("aip,ap->ip", rows.by_displacement, G[:3])
+        x += rows.shading * G[3]
+        x *= rows.precision
+        return rows.pull(x)

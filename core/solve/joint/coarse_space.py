@@ -113,11 +113,13 @@ def _forces(system: BorderedSystem) -> Array:
     taken = sum(s[:, None] * g for s, g in zip(border.share, by_shape, strict=True))
     fields = [*by_shape, np.concatenate([albedo, -np.asarray(taken)], 1)]
     q = albedo.shape[1]
-    out = np.empty((len(border.V[0]), border.size, q + moved.shape[1]))
+    W, c, s = rows.precision, rows.by_displacement, rows.shading
+    out = np.empty((len(W), border.size, q + moved.shape[1]))
     for i, f in enumerate(out):
-        x = border.V[3, i, :, None] * fields[3]
+        x = s[i, :, None] * fields[3]
         for a in range(3):
-            x[:, q:] += border.V[a, i, :, None] * fields[a]
+            x[:, q:] += c[a, i, :, None] * fields[a]
+        x *= W[i, :, None]
         f[:] = product(rows.by_photo(i).T, x)
         f[:motions, q:] += system.coupling[:, i].T @ moved
     return out
@@ -132,9 +134,11 @@ def _energy(system: BorderedSystem, steps: Array) -> Array:
     force = np.zeros((len(system.right), q))
     for i, step in enumerate(steps):
         u = product(rows.by_photo(i), step)
-        for total, weight in zip(sums, border.V[:, i], strict=True):
-            total += weight[:, None] * u
-        E += gram(np.sqrt(rows.precision[i])[:, None] * u)
+        E += gram(np.sqrt(rows.precision[i, :, None]) * u)
+        u *= rows.precision[i, :, None]
+        for a, total in enumerate(sums[:3]):
+            total += rows.by_displacement[a, i, :, None] * u
+        sums[3] += rows.shading[i, :, None] * u
         E += step.T @ system.photo_precision[i] @ step
         force += system.coupling[:, i] @ step[:motions]
     E -= gram(sums[3] / np.sqrt(border.den)[:, None])

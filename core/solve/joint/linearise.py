@@ -36,6 +36,10 @@ class Picture(Protocol):
         """Intensity (p, 1), gradient (p, 1, 2), inside (p,) at pixels (p, 2)."""
         ...
 
+    def around(self, xy: Array, margin: float, /) -> Picture:
+        """What has to be kept to read about these places."""
+        ...
+
 
 class PictureReader(Protocol):
     """Makes the picture of a level; `smooth_photo` is one."""

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.blas import dsyrk
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from ..._types import Array
 from ...gram import gram, mirror_lower, product
@@ -54,7 +54,7 @@ def displacement_deviation(
     T, c, s = rows.samples.T, rows.by_displacement, rows.shading
     F = smooth_albedo(rows, splines)
     rest = 1 - _leverage(np.sqrt(border.den)[:, None] * F)
-    W = rows.precision * (1 - border.V[3] * s * (rest / border.den))
+    W = rows.precision * (1 - rows.precision * s * s * (rest / border.den))
     q, m, n = F.shape[1], border.size, len(W)
     upright = [sparse.csr_array(t.T) for t in T]
     # A spline is zero at nearly all samples, a harmonic at none.
@@ -79,6 +79,7 @@ def displacement_deviation(
         if at + 1 == _BATCH or i + 1 == n:
             part = batch[: (at + 1) * m].T
             eliminated = dsyrk(1.0, part, 1.0, eliminated, overwrite_c=1)
+    del batch, part
     total = np.negative(eliminated, out=eliminated)
     mirror_lower(total.T)
     total[size:, size:] += gram(np.sqrt((W * s * s).sum(0))[:, None] * F)
@@ -100,11 +101,17 @@ def displacement_deviation(
     total[:size, :size] -= KD @ cho_solve(prior, KD.T)
     total[:size, :size] += (known + K).toarray()
     inner = np.linalg.cholesky(total[size:, size:])
-    left = total[:size, :size]
-    left -= gram(solve_triangular(inner, total[size:, :size], lower=True))
+    # From here on in place: these matrices are most of the memory.
+    left = np.array(total[:size, :size], order="F")
+    between = total[size:, :size].copy()
+    del total, eliminated
+    left -= gram(solve_triangular(inner, between, lower=True))
+    factor, failed = dpotrf(left, lower=1, overwrite_a=1)
+    if failed:
+        raise np.linalg.LinAlgError("the precision of the surface is not definite")
     # The diagonal of (L L^T)^-1 are the squares of the columns of L^-1.
-    root = dtrtri(np.linalg.cholesky(left).T)[0]
-    return np.linalg.norm(root, axis=1)
+    root, _ = dtrtri(factor, lower=1, overwrite_c=1)
+    return np.sqrt(np.einsum("ij,ij->j", root, root))
 
 
 def _leverage(F: Array) -> Array:

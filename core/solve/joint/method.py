@@ -62,6 +62,7 @@ def joint(
                 found,
                 photometric=photometric_evidence(one),
                 deviation=_deviation(one, start.model, check_cancelled),
+                skin=tuple(work.parts.skin or ()),
             )
         yield Iteration("refine", found, one.residual, one.step_mm, done, sum(steps))
         del one  # before the next one is made

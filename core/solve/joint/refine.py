@@ -32,13 +32,16 @@ from .linearise import (
     linearise,
     read_photos,
 )
-from .options import JointOptions, Level
+from .options import JointOptions
 from .samples import Samples, sample_surface
 from .state import State, Step
 from .system import BorderedSystem, Term, assemble
 
 #: Largest part by which a step is made longer than Gauss and Newton have it.
 OVER_RELAXATION = 0.5
+#: Photos are kept up to this distance from the face, as it may still move: standard
+#: deviations of the Gaussian that smooths them.
+REACH = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +95,17 @@ class Refinement:
     parts: JointParts = JointParts()  # noqa: RUF009 (frozen)
 
     def pictures(
-        self, state: State, level: Level, check_cancelled: CheckCancelled
+        self, state: State, samples: Samples, check_cancelled: CheckCancelled
     ) -> list[Picture]:
-        """The photos, smoothed for a level."""
+        """The faces in the photos, smoothed for the samples' level."""
+        points = samples.geometry(state.surface, state.expressions).points
+        X = np.broadcast_to(points, (len(self.photos), *points.shape[1:]))
+        reach = REACH * samples.level.blur_mm
         found = []
-        for photo, camera in zip(self.photos, state.cameras, strict=True):
+        for photo, camera, x in zip(self.photos, state.cameras, X, strict=True):
             check_cancelled()
-            found.append(self.parts.reader(photo, camera, level.blur_mm))
+            picture = self.parts.reader(photo, camera, samples.level.blur_mm)
+            found.append(picture.around(camera.project(x), reach * camera.s))
         return found
 
     def look(
@@ -201,7 +208,7 @@ def refine(
     for number, level in enumerate(options.levels):
         samples = sample_surface(state, level, options.shadows)
         state = state.at_level(len(samples.uv), level.degree)
-        pictures = work.pictures(state, level, check_cancelled)
+        pictures = work.pictures(state, samples, check_cancelled)
         last: Array | None = None
         directions: Array | None = None
         for turn in range(1, level.iterations + 1):
@@ -217,6 +224,9 @@ def refine(
             state, size = take_step(
                 now.state, step, moved, options.max_step_mm, stretch
             )
+            settled = turn == level.iterations or size < level.settled_mm
+            if settled:  # whoever gets the last step may need the memory
+                pictures, directions = [], None
             yield JointIteration(
                 number,
                 turn,
@@ -230,7 +240,7 @@ def refine(
             )
             # What one step is made of is most of the memory: not that of two at a time.
             del now, system
-            if size < level.settled_mm:
+            if settled:
                 break
 
 

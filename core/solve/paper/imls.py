@@ -172,7 +172,7 @@ def imls(
     for number, level in enumerate(options.levels):
         samples = sample_surface(state, level, options.shadows)
         state = state.at_level(len(samples.uv), level.degree)
-        pictures = work.pictures(state, level, check_cancelled)
+        pictures = work.pictures(state, samples, check_cancelled)
         directions: Array | None = None
         for turn in range(1, level.iterations + 1):
             now = work.look(pictures, samples, state, check_cancelled)
@@ -203,7 +203,11 @@ def imls(
                     system=system,
                     step_mm=size,
                 )
-                found = replace(found, photometric=photometric_evidence(last))
+                found = replace(
+                    found,
+                    photometric=photometric_evidence(last),
+                    skin=tuple(work.parts.skin or ()),
+                )
             rms = _landmark_rms(state, work.terms)
             yield Iteration("motion", found, rms, size, done, total)
 
