@@ -16,7 +16,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import rig, surface_object
+from . import rig, surface_object, view_areas
 from .orientation import orientation
 from .rig import PHOTO_KEY
 
@@ -309,17 +309,13 @@ def put_photo(view, front, opacity=0.5):
 
 def redraw(context: bpy.types.Context, kind: str) -> None:
     """Redraw the regions of one kind of all 3D views: "WINDOW", "UI"."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == kind:
-                        region.tag_redraw()
+    for area in view_areas.in_all_windows(context):
+        for region in area.regions:
+            if region.type == kind:
+                region.tag_redraw()
 
 
 def views(context):
     """Region data of all 3D views."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                yield area.spaces.active.region_3d
+    for area in view_areas.in_all_windows(context):
+        yield area.spaces.active.region_3d

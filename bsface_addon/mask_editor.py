@@ -13,7 +13,7 @@ import json
 import bpy
 import numpy as np
 
-from . import photo_stage
+from . import photo_stage, view_areas
 from .packed_image import packed_image
 from .skin_pictures import OPACITY, TINT, Canvas, to_mask
 
@@ -242,9 +242,4 @@ def _make_brushes() -> None:
 
 def _spaces(context: bpy.types.Context) -> list[bpy.types.SpaceView3D]:
     """Of the 3D views of all windows."""
-    return [
-        area.spaces.active
-        for window in context.window_manager.windows
-        for area in window.screen.areas
-        if area.type == "VIEW_3D"
-    ]
+    return [area.spaces.active for area in view_areas.in_all_windows(context)]

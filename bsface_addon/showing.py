@@ -14,6 +14,7 @@ from . import (
     photo_expression,
     skin_overlay,
     surface_object,
+    view_areas,
 )
 from .scene import COARSE_OF, MARK
 
@@ -53,9 +54,7 @@ def _middle(obj):
 def show(context, face):
     """Bring a new face and its texture into sight in the window's 3D views."""
     light_views(context, material.shown(face))
-    for area in context.window.screen.areas:
-        if area.type != "VIEW_3D":
-            continue
+    for area in view_areas.in_window(context):
         view = area.spaces.active.region_3d
         frame = surface_object.world_frame(face)
         view.view_rotation = frame.to_quaternion()
@@ -68,12 +67,11 @@ def show(context, face):
 
 def look_at_front(context: bpy.types.Context, middle: Vector, extent: float) -> None:
     """Turn the window's 3D views as `look_at`."""
-    for area in context.window.screen.areas:
-        if area.type == "VIEW_3D":
-            view = area.spaces.active.region_3d
-            if view.view_perspective == "CAMERA":
-                view.view_perspective = "PERSP"
-            look_at(view, middle, extent)
+    for area in view_areas.in_window(context):
+        view = area.spaces.active.region_3d
+        if view.view_perspective == "CAMERA":
+            view.view_perspective = "PERSP"
+        look_at(view, middle, extent)
 
 
 def look_at(view: bpy.types.RegionView3D, middle: Vector, extent: float) -> None:
@@ -88,10 +86,10 @@ def light_views(context, kind):
     The light that a view had comes back with "PLAIN".
     """
     manager = context.window_manager
-    for area in context.window.screen.areas if context.window else ():
-        if area.type != "VIEW_3D" or area.spaces.active.shading.type != "SOLID":
-            continue
+    for area in view_areas.in_window(context):
         shading = area.spaces.active.shading
+        if shading.type != "SOLID":
+            continue
         shading.color_type = "TEXTURE"
         now = (shading.light, shading.studio_light)
         # Another light than these was chosen since, by the user or in another file.
@@ -139,13 +137,11 @@ def present(context, face):
     corners = [face.matrix_world @ Vector(corner) for corner in face.bound_box]
     middle = sum(corners, Vector()) / len(corners)
     extent = max((corner - middle).length for corner in corners)
-    for screen in bpy.data.screens:
-        for area in screen.areas:
-            if area.type == "VIEW_3D":
-                space = area.spaces.active
-                look_at(space.region_3d, middle, extent)
-                space.shading.color_type = "TEXTURE"
-                _light(space.shading, *SKIN_LIGHT)
+    for area in view_areas.on_screens(bpy.data.screens):
+        space = area.spaces.active
+        look_at(space.region_3d, middle, extent)
+        space.shading.color_type = "TEXTURE"
+        _light(space.shading, *SKIN_LIGHT)
     views = cameras.of_face(face)
     if views:
         # The most frontal photo: its camera's axis is nearest to the head's own.

@@ -21,6 +21,7 @@ from .. import (
 )
 from ..skin_pictures import PhotoToPaint
 from .photos import RowOperator, original_of, ready
+from .refusals import refusals_reported
 from .running import LongOperator
 from .views import ViewOperator
 
@@ -179,17 +180,14 @@ class BSFACE_OT_mask_save(PaintedOperator, bpy.types.Operator):
     bl_label = "Save Masks"
     bl_options = {"REGISTER"}
 
+    @refusals_reported
     def execute(self, context):
         rows = self.rows(context)
-        try:
-            for row in rows:
-                path = original_of(row).with_suffix(ENDING)
-                write_bytes(
-                    path, skin_pictures.turned_back(photo_list.mask(row), row.quarters)
-                )
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        for row in rows:
+            path = original_of(row).with_suffix(ENDING)
+            write_bytes(
+                path, skin_pictures.turned_back(photo_list.mask(row), row.quarters)
+            )
         self.report({"INFO"}, messages.masks_saved(len(rows)))
         return {"FINISHED"}
 

@@ -15,6 +15,7 @@ from bpy.props import (
 
 from ...core.errors import ReconstructionError
 from .. import messages, photo_list, session, turned
+from .refusals import refusals_reported
 from .running import LongOperator
 
 ENDINGS = "*.jpg;*.jpeg;*.png;*.tif;*.tiff;*.webp;*.bmp"
@@ -104,20 +105,17 @@ class BSFACE_OT_photos_add(bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
+    @refusals_reported
     def execute(self, context):
         from ...core.images.folder import list_photos
 
         folder = Path(bpy.path.abspath(self.directory))
         chosen = [folder / item.name for item in self.files if item.name] or [folder]
-        try:
-            paths = [
-                path
-                for item in chosen
-                for path in (list_photos(item) if item.is_dir() else [item])
-            ]
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        paths = [
+            path
+            for item in chosen
+            for path in (list_photos(item) if item.is_dir() else [item])
+        ]
         added = photo_list.add(context.scene.bsface, paths)
         self.report({"INFO"}, messages.added(added, len(paths)))
         return {"FINISHED"}

@@ -24,6 +24,7 @@ from .. import (
     surface_object,
 )
 from ..apply_result import apply_result
+from .refusals import refusals_reported
 from .running import LongOperator
 
 # Reach of proportional editing: about a nose; more than the second is the whole face.
@@ -158,15 +159,12 @@ class BSFACE_OT_surface_symmetrise(ChangingOperator, bpy.types.Operator):
         name="Amount", default=1.0, min=0.0, max=1.0, subtype="FACTOR"
     )
 
+    @refusals_reported
     def execute(self, context):
         from ...core.surface.symmetry import symmetrised
 
         face = scene.active_face(context)
-        try:
-            surface = face_file.surface(face)
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        surface = face_file.surface(face)
         points = symmetrised(surface, self.side.lower(), self.amount).control_points
         with scene.all_or_nothing(context):
             scene.leave_edit_mode(context)
@@ -197,19 +195,16 @@ class BSFACE_OT_surface_map(FaceOperator, bpy.types.Operator):
         ),
     )
 
+    @refusals_reported
     def execute(self, context):
         face = scene.active_face(context)
-        try:
-            if self.kind == "NORMALS":
-                # Of the surface as it is now; those of the run are there already.
-                known = material.stored_map(face, "NORMALS") is not None
-                if face_file.moved(face).any() or not known:
-                    surface = face_file.surface(face)
-                    made = maps.normals(surface, face_file.outline(face))
-                    material.store_map(face, "NORMALS", made)
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        if self.kind == "NORMALS":
+            # Of the surface as it is now; those of the run are there already.
+            known = material.stored_map(face, "NORMALS") is not None
+            if face_file.moved(face).any() or not known:
+                surface = face_file.surface(face)
+                made = maps.normals(surface, face_file.outline(face))
+                material.store_map(face, "NORMALS", made)
         try:
             material.show(face, self.kind)
         except KeyError:
@@ -266,14 +261,12 @@ class BSFACE_OT_coarse_edit(ChangingOperator, bpy.types.Operator):
             return False
         return super().poll(context)
 
+    @refusals_reported
     def execute(self, context):
         face = scene.active_face(context)
         photo_expression.hide(face)
         try:
             coarse_editor.open_editor(context, face)
-        except ReconstructionError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
         except ValueError as error:
             self.report({"ERROR"}, messages.TOO_FEW_POINTS.format(why=error))
             return {"CANCELLED"}

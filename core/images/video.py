@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -185,25 +186,18 @@ def read_video(
         step = 1
         while total / step > measured:
             step *= 2
-        seen = watch(
-            video,
-            step,
-            measured,
+        watching = partial(
+            watch,
+            measured=measured,
             held_bytes=limits.held_bytes,
             check_cancelled=check_cancelled,
             watched=watched,
         )
+        seen = watching(video, step)
     # The file claims more than it holds.
     if step > 1 and len(seen.frames) < measured / 4:
         with opened(path) as video:
-            seen = watch(
-                video,
-                1,
-                measured,
-                held_bytes=limits.held_bytes,
-                check_cancelled=check_cancelled,
-                watched=watched,
-            )
+            seen = watching(video, 1)
     if not seen.frames:
         return PhotoFailure(
             name,

@@ -16,7 +16,7 @@ from .face_selection import Candidate, Faces, usable_faces
 
 #: So many photos may be larger than `SMALL` pixels in the end.
 LARGE = 48
-SMALL = 512
+SMALL = 400
 # So many more are waited for before it is chosen anew.
 _SLACK = 30
 

@@ -171,7 +171,7 @@ def _skin_seen(
     """How far each texel shows skin in each photo, ``(n, S, S)``."""
     found = np.empty((len(views), COARSE, COARSE), np.float32)
     for i, (mask, photo, view) in enumerate(zip(masks, photos, views, strict=True)):
-        xy = pixels_in(mask.window, photo.to_original(view.xy))
+        xy = pixels_in(mask.window, photo.to_original(view.xy.astype(float)))
         skin = sample(mask.values, np.asarray(xy, np.float32))
         # A step back from hair, as from the rim of what is hidden.
         found[i] = cv2.erode(skin, np.ones((7, 7), np.uint8))
