@@ -5,9 +5,25 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ..formats import ending
 from ..settings import Settings
+from .terminal import write_out
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose help ends with 1 where it cannot be written."""
+
+    def print_help(self, file: SupportsWrite[str] | None = None) -> None:
+        """The help, on the standard output."""
+        if file is not None:
+            super().print_help(file)
+        elif code := write_out(self.format_help()):
+            self.exit(code)
 
 
 def parse_settings(pairs: Sequence[str]) -> Settings:

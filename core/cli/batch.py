@@ -7,7 +7,6 @@ python -m bsface batch PEOPLE OUT [--workers 2] [--memory 2G]
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -17,13 +16,13 @@ from ..batch.record import Outcome, batch_facts, summary_lines
 from ..batch.run import WANTED, run_batch
 from ..errors import ReconstructionError, one_line
 from ..json_text import to_json
-from .arguments import parse_settings
+from .arguments import Parser, parse_settings
 from .terminal import say, tell, write_out
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command line of ``python -m bsface batch``."""
-    p = argparse.ArgumentParser(
+    p = Parser(
         prog="bsface batch", description="One face from each sub-folder of photos."
     )
     p.add_argument("people", help="folder with one sub-folder of photos per person")

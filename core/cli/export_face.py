@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 
 from ..errors import ReconstructionError
@@ -19,7 +18,7 @@ from ..formats import (
     load_face,
 )
 from ..report.outputs import check_outputs
-from .arguments import check_held, check_named
+from .arguments import Parser, check_held, check_named
 from .terminal import say
 
 # Options that keep their default where they are not given.
@@ -35,9 +34,9 @@ _VALUES = (
 )
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command line."""
-    p = argparse.ArgumentParser(
+    p = Parser(
         prog="bsface export", description="Write a finished face in other formats."
     )
     p.add_argument("face", help="face file (.npz)")

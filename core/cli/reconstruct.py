@@ -30,7 +30,7 @@ from ..surface.template import load_template
 from ..texture.bake import bake_texture, write_texture
 from ..texture.detail import write_displacement, write_normals
 from ..threads import one_blas_thread, take_working_space
-from .arguments import check_held, check_named, parse_settings
+from .arguments import Parser, check_held, check_named, parse_settings
 from .bar import Bar
 from .terminal import say, tell, write_out
 
@@ -55,9 +55,9 @@ class _Version(argparse.Action):
         parser.exit(write_out(f"bsface {own[1]} ({words})\n"))
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The command line of a reconstruction."""
-    p = argparse.ArgumentParser(
+    p = Parser(
         prog="bsface",
         description="Photos of one person in, a B-spline face out.",
         epilog=COMMANDS,

@@ -122,7 +122,9 @@ class CandidateReader:
         if isinstance(found, PhotoFailure):
             self.names[digest] = name
             return found
-        misplaced, notes = self._misplaced(photo, found[0]), self._copied(photo)
+        misplaced = self._misplaced(photo, found[0])
+        # Frames of videos, which come as photos, were chosen to differ.
+        notes = [] if isinstance(source, Photo) else self._copied(photo)
         if misplaced:
             notes.append(
                 "its landmark file marks another place than the face that is seen"
@@ -137,12 +139,7 @@ class CandidateReader:
         return faces
 
     def _copied(self, photo: Photo) -> list[str]:
-        """A note if the photo looks like one that was read before, such as a thumbnail.
-
-        Frames of videos were chosen to differ.
-        """
-        if photo.path is None:
-            return []
+        """A note if the photo looks like one that was read before."""
         look = thumbnail(photo.bytes8())
         same = (
             name

@@ -157,6 +157,15 @@ def test_output_that_cannot_be_printed(photos, tmp_path):
     )
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+@pytest.mark.parametrize("command", [[], ["batch"], ["export"], ["info"], ["models"]])
+def test_help_that_cannot_be_printed(capfd, command):
+    with open("/dev/full", "w") as full:
+        words = [sys.executable, "-m", "bsface", *command, "--help"]
+        assert subprocess.run(words, stdout=full).returncode == 1
+    assert "cannot be written" in capfd.readouterr().err
+
+
 def test_versions(capsys):
     code, printed, _ = run(capsys, "--version")
     assert code == 0

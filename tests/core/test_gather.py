@@ -228,6 +228,15 @@ def test_a_copy_of_another_size_or_quality_gets_a_doubt(folder, picture):
     assert notes == {"a.png": "", "b.jpg": copy, "c.png": copy, "d.png": ""}
 
 
+def test_copies_given_as_arrays_get_a_doubt_too(picture):
+    grey = np.clip(picture.astype(int) + 1, 0, 255).astype(np.uint8)
+    marks = {f"picture {k}": front_landmarks() for k in (1, 2, 3)}
+    pictures = [picture, grey, np.ascontiguousarray(picture[:, ::-1])]
+    found = collect_photos(pictures, NO_DETECTOR, Inputs(landmarks=marks))
+    notes = [marks.note for marks in found.landmarks]
+    assert notes == ["", "looks like a copy of picture 1", ""]
+
+
 def test_wrong_landmark_files_are_told_and_the_rest_is_used(folder, picture):
     for number, name in enumerate("abcdef"):
         save(folder / f"{name}.png", picture[number:])
