@@ -5,6 +5,8 @@ vary, learnt from morphs of the template) and a smooth displacement that allows 
 faces outside their span.  The smooth part has the precision ``tau (K^T K + l^-4 G)``
 per coordinate, the bending energy of Eq. 8 with a mass term ``G`` that lets the
 displacement fade over the correlation length ``l`` instead of rotating the whole face.
+Shading sees the displacement along the normals; of that, the part in which the two
+halves of the face differ has a smaller deviation (`ASYMMETRY`), as faces have.
 """
 
 from __future__ import annotations
@@ -21,6 +23,9 @@ from .bending import bending_matrix, mass_matrix
 from .bspline import basis_matrix
 from .template import Template
 
+#: Standard deviation of what differs between the halves, relative to what they share.
+ASYMMETRY = 0.5
+
 
 @dataclass(frozen=True)
 class ShapePrior:
@@ -32,6 +37,8 @@ class ShapePrior:
         Identity modes, then expression modes, one standard deviation each, mm.
     smooth : (M*N, M*N) sparse array
         Precision of the smooth part of each coordinate, 1/mm^2.
+    along_normals : (M*N, M*N) sparse array
+        The same of its part along the normals, with halves that resemble each other.
     shape : (M, N)
         Size of the control net.
     factor : SuperLU
@@ -42,6 +49,7 @@ class ShapePrior:
 
     modes: Array
     smooth: sparse.csr_array
+    along_normals: sparse.csr_array
     shape: tuple[int, int]
     factor: SuperLU
     expression_scale: float
@@ -125,4 +133,17 @@ def shape_prior(
     )
     modes = np.concatenate(scaled).reshape(-1, shape[0] * shape[1], 3)
     factor = splu(sparse.csc_array(Q), permc_spec="MMD_AT_PLUS_A")
-    return ShapePrior(modes, Q, shape, factor, expression_scale)
+    return ShapePrior(
+        modes, Q, _with_like_halves(Q, shape), shape, factor, expression_scale
+    )
+
+
+def _with_like_halves(Q: sparse.csr_array, shape: tuple[int, int]) -> sparse.csr_array:
+    """The precision when what differs between the halves has `ASYMMETRY`."""
+    points = np.arange(shape[0] * shape[1])
+    opposite = points.reshape(shape)[::-1].ravel()
+    ones = np.ones(len(points))
+    mirror = sparse.csr_array((ones, (points, opposite)))
+    difference = (sparse.csr_array((ones, (points, points))) - mirror) / 2
+    more = difference.T @ Q @ difference
+    return sparse.csr_array(Q + (ASYMMETRY**-2 - 1) * more)

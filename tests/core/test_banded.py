@@ -34,10 +34,27 @@ def test_solutions(shape):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_factor_is_that_of_the_matrix(shape):
     A = normal_matrix(shape, seed=2)
-    L = np.linalg.cholesky(A.toarray())
-    for k, diagonal in enumerate(banded_cholesky(A).band):
+    factor = banded_cholesky(A)
+    ordered = A.toarray()[factor.order][:, factor.order]
+    L = np.linalg.cholesky(ordered)
+    for k, diagonal in enumerate(factor.band):
         expected = np.diagonal(L, -k)
         np.testing.assert_allclose(diagonal[: len(expected)], expected, atol=1e-8)
+
+
+def test_points_coupled_with_their_mirror_images():
+    """Far apart in the net, near the diagonal in the factor; the solution is right."""
+    shape = (30, 20)
+    opposite = np.arange(600).reshape(shape)[::-1].ravel()
+    A = normal_matrix(shape)
+    A = sparse.csr_array(
+        A + 3 * A[opposite][:, opposite] - A[opposite] - A[:, opposite]
+    )
+    A = sparse.csr_array(A + 20 * sparse.eye_array(600))
+    factor = banded_cholesky(A)
+    assert len(factor.band) < 200
+    b = np.random.default_rng(3).normal(size=600)
+    np.testing.assert_allclose(A @ factor.solve(b), b, atol=1e-9)
 
 
 def test_entries_that_are_stored_twice_add_up():

@@ -155,7 +155,7 @@ def test_shape_solver_is_the_dense_system(template, prior):
     # unknowns (dd, da); the data see dd + D da
     both = np.hstack([np.eye(len(force)), model.D])
     own = np.zeros((both.shape[1],) * 2)
-    own[: len(force), : len(force)] = 0.5 * prior.smooth.toarray()
+    own[: len(force), : len(force)] = 0.5 * prior.along_normals.toarray()
     own[len(force) :, len(force) :] = 0.5 * np.eye(model.D.shape[1])
     expected = np.linalg.solve(both.T @ S.toarray() @ both + own, both.T @ force)
     np.testing.assert_allclose(

@@ -428,7 +428,7 @@ def full_system(one, prior, options):
     A, g = change.T @ A @ change, change.T @ g
     # nothing is known of the albedo of a point that no photo sees
     A += np.diag(1.0 * (np.diag(A) == 0))
-    A[:size, :size] += prior.smooth.toarray()
+    A[:size, :size] += prior.along_normals.toarray()
     A[size : size + count, size : size + count] += np.eye(count)
     border = slice(size + count, size + count + n * m)
     known = np.full((n, m), options.light_damping)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bsface.surface.bending import bending_matrix
 from bsface.surface.bspline import basis_matrix
-from bsface.surface.prior import shape_prior
+from bsface.surface.prior import ASYMMETRY, shape_prior
 from few_modes import few_modes
 from scipy import sparse
 
@@ -84,6 +84,15 @@ def test_smooth_part_prefers_what_bends_less(prior):
     assert cost[0] < 0.1 * cost[1]
     K = bending_matrix(SHAPE)
     assert cost[1] > (wavy @ (K @ wavy)) / (wavy @ wavy) * 1e-9
+
+
+def test_what_differs_between_the_halves_is_less_likely(prior):
+    d = np.random.default_rng(5).normal(size=SHAPE)
+    alike, different = (d + d[::-1]).ravel(), (d - d[::-1]).ravel()
+    for part, factor in ((alike, 1.0), (different, ASYMMETRY**-2)):
+        found = part @ (prior.along_normals @ part)
+        assert found == pytest.approx(factor * (part @ (prior.smooth @ part)))
+    assert abs(alike @ (prior.along_normals @ different)) < 1e-9 * found
 
 
 def test_mean_given_landmarks(prior):

@@ -95,7 +95,7 @@ def displacement_deviation(
         for b in range(3)
     )
     # the modes need no place of their own: this is the prior of d + D a
-    K, D = shape.model.prior.smooth, shape.D
+    K, D = shape.model.prior.along_normals, shape.D
     KD = K @ D
     prior = cho_factor(np.eye(D.shape[1]) + D.T @ KD)
     total[:size, :size] -= KD @ cho_solve(prior, KD.T)

@@ -32,7 +32,7 @@ class ShapeBlock:
         self.S_terms = sum(terms, sparse.csr_array(S.shape))
         self.D, self.model = model.D, model
         S = S + self.S_terms
-        total = sparse.csr_array(S + model.prior.smooth)
+        total = sparse.csr_array(S + model.prior.along_normals)
         self.factor = banded_cholesky(total)
         self._SD = S @ self.D
         self._PD = self.factor.solve(self._SD)
@@ -50,5 +50,5 @@ class ShapeBlock:
         model = self.model
         # the prior holds the whole displacement from the template, so what the
         # reference already has counts too
-        smooth = model.prior.smooth @ (state.smooth + model.smooth)
+        smooth = model.prior.along_normals @ (state.smooth + model.smooth)
         return force - smooth, self.D.T @ force - (state.modes + model.modes)

@@ -297,7 +297,7 @@ class ShapeSolver:
     """
 
     def __init__(self, precision: sparse.csr_array, model: DisplacementModel) -> None:
-        prior = 0.5 * model.prior.smooth
+        prior = 0.5 * model.prior.along_normals
         self.D = D = model.D
         self.factor = banded_cholesky(sparse.csr_array(precision + prior))
         self.SD = precision @ D
