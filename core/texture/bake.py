@@ -69,7 +69,7 @@ class Texture:
         Mean relative difference between the photos and the relit albedo; NaN where not
         measured.
     photos_seen : (C, C) float32 array
-        How many photos count at each place.
+        How many of its photos count at each place.
     photos : tuple of int
         Numbers of the used photos that it is made of: all, or those that differ most.
     lights : PhotoLights

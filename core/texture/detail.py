@@ -164,7 +164,7 @@ class PhotoDetail:
             d[i] = channel_mean(np.log(colours)) - resized(self.own[i], size, rows)
             slope = resized(self.slopes[i], size, rows)
             for k, dual in enumerate((tangents.dual_u, tangents.dual_v)):
-                h[k, i] = -3 * channel_mean(slope * dual[rows])
+                h[k, i] = -np.einsum("vuc,vuc->vu", slope, dual[rows])
         return d, h, weight
 
 

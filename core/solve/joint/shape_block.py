@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
 from ..._types import Array
-from .banded import banded_cholesky
+from .banded import banded_cholesky, mirrored_order
 from .state import DisplacementModel, State
 
 
@@ -33,7 +33,7 @@ class ShapeBlock:
         self.D, self.model = model.D, model
         S = S + self.S_terms
         total = sparse.csr_array(S + model.prior.along_normals)
-        self.factor = banded_cholesky(total)
+        self.factor = banded_cholesky(total, mirrored_order(model.prior.shape))
         self._SD = S @ self.D
         self._PD = self.factor.solve(self._SD)
         inner = self.D.T @ self._SD + np.eye(self.D.shape[1])

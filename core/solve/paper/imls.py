@@ -40,7 +40,7 @@ from ..._types import Array
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
 from ...settings import Settings
-from ..joint.banded import banded_cholesky
+from ..joint.banded import banded_cholesky, mirrored_order
 from ..joint.coarse_space import coarse_directions
 from ..joint.linearise import (
     Linearisation,
@@ -299,7 +299,8 @@ class ShapeSolver:
     def __init__(self, precision: sparse.csr_array, model: DisplacementModel) -> None:
         prior = 0.5 * model.prior.along_normals
         self.D = D = model.D
-        self.factor = banded_cholesky(sparse.csr_array(precision + prior))
+        order = mirrored_order(model.prior.shape)
+        self.factor = banded_cholesky(sparse.csr_array(precision + prior), order)
         self.SD = precision @ D
         self.PD = self.factor.solve(self.SD)
         corner = D.T @ self.SD + 0.5 * np.eye(D.shape[1])
