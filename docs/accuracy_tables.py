@@ -116,10 +116,17 @@ def by_method(rows: list[Row]) -> str:
     return markdown(lines, [("kind", "sets"), ("method", "method")], MEASURES)
 
 
+def fewer(rows: list[Row]) -> str:
+    """As `by_set`: a row a number of photos."""
+    return by_set([{**row, "method": row["variant"]} for row in rows])
+
+
 def ablation(rows: list[Row]) -> str:
     """A row an ingredient, averaged over the sets, with the change it makes."""
     lines = []
-    names = dict.fromkeys((r["group"], r["variant"]) for r in rows)
+    names = dict.fromkeys(
+        (r["group"], r["variant"]) for r in rows if r["group"] != "photos"
+    )
     base = [r for r in rows if r["variant"] == "default"]
     for group, name in names:
         own = [r for r in rows if (r["group"], r["variant"]) == (group, name)]
@@ -266,6 +273,7 @@ def reprojection(rows: list[Row]) -> str:
 TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "sets": ("accuracy/accuracy.csv", by_set),
     "methods": ("accuracy/accuracy.csv", by_method),
+    "fewer": ("fewer/ablation.csv", fewer),
     "ablation": ("accuracy/ablation.csv", ablation),
     "error-budget": ("error_budget/error_budget.csv", budget),
     "reliability": ("accuracy/reliability.csv", reliability),
