@@ -20,7 +20,7 @@ from bsface.settings import Settings
 from bsface.solve.expression import expression_offsets
 from bsface.solve.joint.linearise import Linearisation
 from bsface.solve.joint.marginal import displacement_deviation
-from bsface.solve.joint.method import joint
+from bsface.solve.joint.method import MODEL_ERROR_MM, joint, model_error
 from bsface.solve.joint.options import JointOptions, Level
 from bsface.solve.joint.refine import (
     OVER_RELAXATION,
@@ -556,6 +556,19 @@ def test_landmark_term(template, prior):
     A, g = dense_system(system)
     np.testing.assert_allclose(A, expected_A, atol=1e-5 * np.abs(expected_A).max())
     np.testing.assert_allclose(g, expected_g, atol=1e-5 * np.abs(expected_g).max())
+
+
+# --- how sure it is -------------------------------------------------------------------
+
+
+def test_what_the_matrix_cannot_know_grows_with_the_noise_of_mixed_expressions():
+    noise = 0.06 * np.array([[0.5], [1.5], [2.5]])
+    assert model_error(noise, 0.06, mixed=False) == MODEL_ERROR_MM
+    found = model_error(noise, 0.06, mixed=True)
+    assert found > MODEL_ERROR_MM
+    assert model_error(2 * noise, 0.06, mixed=True) == pytest.approx(4 * found)
+    assert model_error(2 * noise, 0.12, mixed=True) == pytest.approx(found)
+    assert model_error(0.001, 0.06, mixed=True) == MODEL_ERROR_MM
 
 
 # --- the iteration -------------------------------------------------------------------

@@ -20,9 +20,11 @@ from .terms import default_terms
 
 # What the normal matrix cannot know: light and skin are not quite as modelled.
 # Added in quadrature it brings the stated deviation near the truth on the sets with
-# ground truth (reliability table of the accuracy page); more where expressions differ.
-MODEL_ERROR_MM = 0.25
-MIXED_MODEL_ERROR_MM = 0.5
+# ground truth (reliability table of the accuracy page).
+MODEL_ERROR_MM = 0.22
+# The same where expressions differ, for photos of the usual noise: what the expression
+# modes do not span is in the residuals too, and counts with their square.
+MIXED_MODEL_ERROR_MM = 0.36
 
 
 def joint(
@@ -61,7 +63,10 @@ def joint(
             found = replace(
                 found,
                 photometric=photometric_evidence(one),
-                deviation=_deviation(one, start.model, check_cancelled),
+                deviation=np.hypot(
+                    one.system.deviation(check_cancelled),
+                    model_error(one.shading.noise, options.noise, start.model.mixed),
+                ).reshape(start.model.reference.shape),
                 skin=tuple(work.parts.skin or ()),
             )
         yield Iteration("refine", found, one.residual, one.step_mm, done, sum(steps))
@@ -110,13 +115,22 @@ def estimate_at(state: State, problem: Problem, start: FaceEstimate) -> FaceEsti
     )
 
 
-def _deviation(
-    last: JointIteration, model: DisplacementModel, check_cancelled: CheckCancelled
-) -> Array:
-    """Standard deviation of the control points, that of the model included."""
-    model_error = MIXED_MODEL_ERROR_MM if model.mixed else MODEL_ERROR_MM
-    deviation = np.hypot(last.system.deviation(check_cancelled), model_error)
-    return deviation.reshape(model.reference.shape)
+def model_error(noise: float | Array, usual: float, mixed: bool) -> float:
+    """Standard deviation of what the normal matrix cannot know, mm.
+
+    Parameters
+    ----------
+    noise : float or (n, 1) array
+        Of the photos, as measured.
+    usual : float
+        Of a photo of usual quality.
+    mixed : bool
+        Whether the photos differ in expression.
+    """
+    if not mixed:
+        return MODEL_ERROR_MM
+    relative = float(np.median(noise)) / usual
+    return max(MODEL_ERROR_MM, MIXED_MODEL_ERROR_MM * relative**2)
 
 
 def photometric_evidence(last: JointIteration) -> PhotometricEvidence:
