@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._types import Array, Array32, Picture8
+from .._types import Array32, Picture8
 from ..camera.linear_pose import linear_pose
 from ..errors import PhotoFailure, ReconstructionError
 from ..images.frames import ALIKE, thumbnail
@@ -37,7 +37,7 @@ from .landmarks import (
     landmark_file_beside,
     read_landmarks,
 )
-from .plausibility import FaceFit, fit_face, judge_fit, outside
+from .plausibility import fit_landmarks, judge_fit, outside
 from .quality import judge_quality
 
 # The cut-out is the box of all the face's landmarks, so much larger.
@@ -160,7 +160,9 @@ class CandidateReader:
             return False
         indices = self.template.schemes[given.scheme]
         known = self.template.landmark_reliable[indices] & (given.weight > 0)
-        size = self._fit(given.points, given.scheme, given.weight).eye_distance
+        size = fit_landmarks(
+            self.template, given.points, given.scheme, given.weight
+        ).eye_distance
         away = [
             np.median(
                 np.linalg.norm(face.points[indices] - given.points, axis=1)[known]
@@ -217,7 +219,9 @@ class CandidateReader:
             mesh = self.mesh.landmarks(image, face)
             points = photo.to_original(mesh.points)
             sigma = mesh.sigma / photo.window[2]
-            size = self._fit(points, "468", np.ones(468)).eye_distance
+            size = fit_landmarks(
+                self.template, points, "468", np.ones(468)
+            ).eye_distance
             weight = 1 / (1 + (sigma / (HALF_WEIGHT_SIGMA * size)) ** 2)
             found.append(Landmarks(photo.name, "468", points, weight, score=mesh.score))
         return found
@@ -227,16 +231,6 @@ class CandidateReader:
         if self.scheme == landmarks.scheme or landmarks.scheme != "468":
             return landmarks
         return landmarks.subset(self.scheme, self.template.schemes[self.scheme])
-
-    def _fit(self, points: Array, scheme: str, weight: Array) -> FaceFit:
-        indices = self.template.schemes[scheme]
-        reliable = self.template.landmark_reliable[indices] * weight
-        return fit_face(
-            self.template.landmark_xyz[indices],
-            points,
-            reliable,
-            self.template.eye_distance,
-        )
 
     def _no_pose(self, landmarks: Landmarks) -> PhotoFailure | None:
         """A failure if the usable landmarks leave the pose open, or None."""
@@ -250,7 +244,9 @@ class CandidateReader:
     def _judge(self, photo: Photo, found: Landmarks, notes: Sequence[str]) -> Candidate:
         """The cut-out of one face, and whether it is of use."""
         landmarks = self._reduced(found)
-        fit = self._fit(landmarks.points, landmarks.scheme, landmarks.weight)
+        fit = fit_landmarks(
+            self.template, landmarks.points, landmarks.scheme, landmarks.weight
+        )
         failure = judge_fit(fit, landmarks, photo.size)
         if failure is None:
             failure = self._no_pose(landmarks)

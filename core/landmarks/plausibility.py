@@ -12,7 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .._types import Array
 from ..errors import PhotoFailure
+from ..surface.template import Template
 from .landmarks import Landmarks
 
 MAX_RESIDUAL = 0.12
@@ -60,6 +62,19 @@ class FaceFit:
     def project(self, xyz: np.ndarray) -> np.ndarray:
         """(..., 2) pixels of points (..., 3) of the template."""
         return xyz @ self.affine[:, :3].T + self.affine[:, 3]
+
+
+def fit_landmarks(
+    template: Template, points: Array, scheme: str, weight: Array
+) -> FaceFit:
+    """`fit_face` of a template's reliable landmarks to those of a scheme."""
+    indices = template.schemes[scheme]
+    return fit_face(
+        template.landmark_xyz[indices],
+        points,
+        template.landmark_reliable[indices] * weight,
+        template.eye_distance,
+    )
 
 
 def fit_face(

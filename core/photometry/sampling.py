@@ -74,12 +74,8 @@ class IntensityField:
         # Differences of neighbours, as a picture of the slopes would hold them; that
         # would take twice the memory of the intensity.
         found = interpolate(self.maps, at + _NEIGHBOURS[:, None])
-        slope = (
-            self.window[2]
-            / 2
-            * np.stack([found[1] - found[2], found[3] - found[4]], -1)
-        )
-        return found[0], slope, inside
+        across = np.stack([found[1] - found[2], found[3] - found[4]], -1)
+        return found[0], self.window[2] / 2 * across, inside
 
 
 def smooth_photo(

@@ -12,7 +12,7 @@ from dataclasses import replace
 from ..landmarks.differing import differing_faces
 from ..landmarks.face_selection import Candidate
 from ..landmarks.large_photos import LARGE
-from ..landmarks.plausibility import fit_face
+from ..landmarks.plausibility import fit_landmarks
 from ..result import Reconstruction
 
 #: Most photos of a texture: those that are kept in full size.
@@ -28,13 +28,7 @@ def differing_photos(reconstruction: Reconstruction, limit: int = MOST) -> list[
     for photo, marks in zip(
         reconstruction.photos, reconstruction.landmarks, strict=True
     ):
-        indices = template.schemes[marks.scheme]
-        fit = fit_face(
-            template.landmark_xyz[indices],
-            marks.points,
-            template.landmark_reliable[indices] * marks.weight,
-            template.eye_distance,
-        )
+        fit = fit_landmarks(template, marks.points, marks.scheme, marks.weight)
         faces.append(Candidate(photo, marks, fit))
     return differing_faces(faces, limit)
 

@@ -23,6 +23,9 @@ QUICK = [
     "--set=detector=false",
     "--set=landmarks=68",
 ]
+needs_full_device = pytest.mark.skipif(
+    not os.path.exists("/dev/full"), reason="needs /dev/full"
+)
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +145,7 @@ def test_json_for_programs(capsys, photos, tmp_path):
     assert said["warnings"]
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+@needs_full_device
 def test_output_that_cannot_be_printed(photos, tmp_path):
     """`--json > /dev/full`: a sentence, and no second complaint when Python ends."""
     out = str(tmp_path / "a.npz")
@@ -157,7 +160,7 @@ def test_output_that_cannot_be_printed(photos, tmp_path):
     )
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
+@needs_full_device
 @pytest.mark.parametrize("command", [[], ["batch"], ["export"], ["info"], ["models"]])
 def test_help_that_cannot_be_printed(capfd, command):
     with open("/dev/full", "w") as full:
@@ -385,7 +388,7 @@ def test_settings_from_words():
 SAYS = "from bsface.cli import terminal; import sys\n"
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+@needs_full_device
 @pytest.mark.parametrize("ending", ["2>/dev/full", "2>&-", "2>&1 | true"])
 def test_sentences_that_nobody_reads_do_no_harm(ending):
     """Also not at the end, when Python flushes what it could not write."""

@@ -8,7 +8,7 @@ from bsface.errors import PhotoFailure
 from bsface.images.photo import reduced
 from bsface.landmarks.face_selection import Candidate
 from bsface.landmarks.large_photos import SMALL, few_large
-from bsface.landmarks.plausibility import fit_face
+from bsface.landmarks.plausibility import fit_landmarks
 from bsface.texture.choice import differing_photos, with_photos
 from fake_face import painted_reconstruction
 
@@ -27,8 +27,7 @@ def faces(painted):
     for photo, marks in zip(painted.photos, painted.landmarks, strict=True):
         pixels = photo.pixels.repeat(TIMES, axis=0).repeat(TIMES, axis=1)
         large = replace(photo, pixels=pixels, window=(0.0, 0.0, float(TIMES)))
-        sees = template.landmark_reliable.astype(float)
-        fit = fit_face(template.landmark_xyz, marks.points, sees, template.eye_distance)
+        fit = fit_landmarks(template, marks.points, marks.scheme, marks.weight)
         found.append((Candidate(large, marks, fit),))
     return found
 

@@ -67,7 +67,7 @@ def joint(
                     one.system.deviation(check_cancelled),
                     model_error(one.shading.noise, options.noise, start.model.mixed),
                 ).reshape(start.model.reference.shape),
-                skin=tuple(work.parts.skin or ()),
+                skin=work.skin,
             )
         yield Iteration("refine", found, one.residual, one.step_mm, done, sum(steps))
         del one  # before the next one is made

@@ -94,6 +94,11 @@ class Refinement:
     terms: Sequence[Term]
     parts: JointParts = JointParts()  # noqa: RUF009 (frozen)
 
+    @property
+    def skin(self) -> tuple[SkinMask, ...]:
+        """What of each photo is skin; empty = all of it."""
+        return tuple(self.parts.skin or ())
+
     def pictures(
         self, state: State, samples: Samples, check_cancelled: CheckCancelled
     ) -> list[Picture]:
@@ -121,7 +126,7 @@ class Refinement:
         view = parts.visibility(state.faces, state.cameras, samples.uv, options.grazing)
         check_cancelled()
         view = view * self.photo_weights[:, None]
-        seen = read_photos(pictures, samples, state, view, parts.skin or ())
+        seen = read_photos(pictures, samples, state, view, self.skin)
         check_cancelled()
         solve = parts.shading or RobustShading(options.noise, options.light_ridge)
         shading = solve(seen, samples, state)

@@ -203,11 +203,8 @@ def imls(
                     system=system,
                     step_mm=size,
                 )
-                found = replace(
-                    found,
-                    photometric=photometric_evidence(last),
-                    skin=tuple(work.parts.skin or ()),
-                )
+                evidence = photometric_evidence(last)
+                found = replace(found, photometric=evidence, skin=work.skin)
             rms = _landmark_rms(state, work.terms)
             yield Iteration("motion", found, rms, size, done, total)
 
