@@ -10,17 +10,24 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePath
+from pathlib import Path
 
 import numpy as np
 
 from ._types import Array32
-from .errors import FailureCode, PhotoFailure, ReconstructionError, one_line
+from .errors import FailureCode, PhotoFailure, ReconstructionError
 from .identity.identify import identify
-from .images.folder import is_video, nothing_found, scan_folder
+from .images.folder import is_video
 from .images.mask_file import given_masks
+from .images.sources import (
+    Photos,
+    check_names,
+    ignored_names,
+    is_name_of,
+    photo_sources,
+)
 from .landmarks.candidates import CandidateReader
 from .landmarks.face_models import ModelFiles
 from .landmarks.face_selection import Candidate
@@ -37,8 +44,6 @@ from .surface.edited import edited_template
 from .surface.prior import shape_prior
 from .surface.template import Template, load_template
 
-#: What `reconstruct` takes as photos: a folder, or a sequence of paths or arrays.
-Photos = str | os.PathLike | Sequence
 #: What it takes as the template.
 TemplateLike = Template | BSplineSurface | str | os.PathLike
 
@@ -74,7 +79,7 @@ class Inputs:
     masks: Mapping[str, Array32] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ignore", _ignored(self.ignore))
+        object.__setattr__(self, "ignore", ignored_names(self.ignore))
         object.__setattr__(self, "masks", given_masks(self.masks))
         if not isinstance(self.landmarks, Mapping):
             raise TypeError(
@@ -218,15 +223,15 @@ def collect_photos(
     """
     settings, inputs = settings or Settings(), inputs or Inputs()
     template = as_template(inputs.template, settings)
-    sources, hints = _sources(photos, inputs.recursive)
+    sources, hints = photo_sources(photos, inputs.recursive)
     known = [name for name, _ in sources]
-    _check_names(inputs.ignore, known, "leave out")
+    check_names(inputs.ignore, known, "leave out")
     for given, purpose in (
         (inputs.landmarks, "have the given landmarks"),
         (inputs.masks, "have the given mask"),
     ):
-        if not any(_is_of(name, known) for name in given):
-            _check_names(list(given), known, purpose)
+        if not any(is_name_of(name, known) for name in given):
+            check_names(list(given), known, purpose)
     reader = CandidateReader(
         template, settings, inputs.landmarks, inputs.models, inputs.masks
     )
@@ -276,103 +281,6 @@ def collect_photos(
         hints=hints,
         hashes=reader.hashes,
     )
-
-
-Sources = list[tuple[str, Path | np.ndarray]]
-
-
-def _sources(photos: Photos, recursive: bool) -> tuple[Sources, tuple[str, ...]]:
-    """Names, unlike each other, with paths or arrays; and what is passed over."""
-    if isinstance(photos, str | os.PathLike):
-        if is_video(Path(photos)):
-            return [(_printable(Path(photos).name), Path(photos))], ()
-        scan = scan_folder(photos, recursive)
-        if not scan.sources:
-            raise ReconstructionError(nothing_found(scan))
-        return [(_printable(scan.shown(p)), p) for p in scan.sources], scan.hints()
-    if isinstance(photos, np.ndarray) and _one_picture(photos):
-        raise ReconstructionError(
-            f"One picture of shape {photos.shape} was given in place of several; "
-            "give a list of them, such as [picture, picture, picture]."
-        )
-    number = isinstance(photos, np.ndarray) and photos.ndim == 0
-    unfit = isinstance(photos, Mapping | bytes) or number
-    if unfit or not isinstance(photos, Iterable):
-        raise TypeError(
-            "photos must be a folder, or a list of paths or of (H, W, 3) arrays, not "
-            f"{type(photos).__name__}."
-        )
-    items = [_source(item) for item in photos]
-    if not items:
-        raise ReconstructionError(
-            "No photos were given; give one at least, better ten or more."
-        )
-    names = [
-        _printable(item.name) if isinstance(item, Path) else f"picture {i + 1}"
-        for i, item in enumerate(items)
-    ]
-    count = Counter(names)
-    taken: Counter[str] = Counter()
-    for i, name in enumerate(names):
-        if count[name] > 1:
-            taken[name] += 1
-            names[i] = f"{name} ({taken[name]})"
-    return list(zip(names, items, strict=True)), ()
-
-
-def _source(item: object) -> Path | np.ndarray:
-    if isinstance(item, np.ndarray):
-        return item
-    if isinstance(item, str | os.PathLike):
-        return Path(item)
-    raise TypeError(
-        f"each photo must be a path or an (H, W, 3) array, not {type(item).__name__}."
-    )
-
-
-def _one_picture(array: np.ndarray) -> bool:
-    """Whether an array is a picture itself and not a stack of them."""
-    return array.ndim == 2 or (array.ndim == 3 and array.shape[2] in (1, 3, 4))
-
-
-def _ignored(given: object) -> tuple[str, ...]:
-    """The names of photos to leave out, whatever kind of list they are in."""
-    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
-        example = given if isinstance(given, str) else "007.jpg"
-        raise TypeError(
-            f"ignore must be a list of photo names, such as [{example!r}], not "
-            f"{'a text' if isinstance(given, str) else type(given).__name__}."
-        )
-    names = [x.as_posix() if isinstance(x, PurePath) else x for x in given]
-    for name in names:
-        if not isinstance(name, str):
-            raise TypeError(
-                "ignore must be a list of photo names, such as ['007.jpg'], without "
-                f"{type(name).__name__} in it."
-            )
-    return tuple(names)
-
-
-def _is_of(name: str, names: Sequence[str]) -> bool:
-    """Whether it is one of the names; a frame's is its video's and a time code."""
-    return name in names or str(name).rpartition(" ")[0] in names
-
-
-def _check_names(given: Sequence[str], names: Sequence[str], purpose: str) -> None:
-    # A name with a slip would let the photo in, and the slip show after the work.
-    for name in given:
-        if not _is_of(name, names):
-            listed = ", ".join(names[:5])
-            if len(names) > 5:
-                listed += f" ... ({len(names)} photos)"
-            raise ReconstructionError(
-                f"There is no photo {name!r} to {purpose}; the names are {listed}."
-            )
-
-
-def _printable(name: str) -> str:
-    """The name as it can be printed: bytes that are no text become "?"."""
-    return one_line(name.encode("utf-8", "replace").decode("utf-8"))
 
 
 def _tell(progress: Progress | None, done: int, total: int, message: str) -> None:

@@ -14,9 +14,10 @@ from typing import Any
 from ._types import Array, Array32
 from .errors import memory_reported
 from .finish import finish
+from .images.sources import Photos
 from .kinds import CALLBACK, expect
 from .landmarks.landmarks import Landmarks
-from .prepare import Inputs, Photos, TemplateLike, prepare
+from .prepare import Inputs, TemplateLike, prepare
 from .problem import Constraint, FaceEstimate, Iteration, Method, Problem
 from .progress import CheckCancelled, Clock, Progress
 from .result import HistoryEntry, Reconstruction

@@ -13,10 +13,11 @@ from ._types import Array, Indices
 from .camera.camera import Camera
 from .errors import PhotoFailure, ReconstructionError
 from .images.photo import Photo
+from .images.sources import Photos
 from .kinds import CALLBACK, expect
 from .landmarks.landmarks import Landmarks
 from .landmarks.observations import observe_landmarks
-from .prepare import Inputs, Photos, collect_photos
+from .prepare import Inputs, collect_photos
 from .progress import Progress
 from .result import Reconstruction
 from .settings import Settings

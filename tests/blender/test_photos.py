@@ -44,9 +44,9 @@ def test_chosen_files_are_added_once(rows, tmp_path):
 def test_same_names_of_two_folders_are_told_apart_as_the_core_does(rows, tmp_path):
     faces.photo_files(tmp_path / "more")
     bpy.ops.bsface.photos_add(directory=str(tmp_path / "more"))
-    collect_photos = load("core.prepare")
+    photo_sources = load("core.images.sources").photo_sources
     paths = photo_list.paths(bpy.context.scene.bsface)
-    assert names() == [name for name, _ in collect_photos._sources(paths, False)[0]]
+    assert names() == [name for name, _ in photo_sources(paths, False)[0]]
     assert len(set(names())) == 6
 
 
