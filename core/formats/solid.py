@@ -1,7 +1,7 @@
 """A face as a closed solid: the surface, an offset behind it, and a rim between them.
 
-The outer side is the triangle mesh of :mod:`.mesh`, so eyes, lips and nostrils keep
-their lines. Every vertex of the inner side lies ``thickness`` behind the outer one
+The outer side is the triangle mesh of :mod:`.tessellation`, so eyes, lips and nostrils
+keep their lines. Every vertex of the inner side lies ``thickness`` behind the outer one
 along the normal. Where the face is rounder than the thickness, such points pass one
 another; there the inner side is smoothed until no triangle of it is turned over.
 """
@@ -14,7 +14,7 @@ from scipy import sparse
 
 from .._types import Array, Indices
 from ..surface.bspline import BSplineSurface
-from .mesh import tessellate
+from .tessellation import tessellate
 
 #: Rounds of smoothing before the thickness counts as too large.
 ROUNDS = 400

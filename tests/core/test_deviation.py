@@ -5,9 +5,10 @@ import pytest
 from bsface import formats
 from bsface.errors import ReconstructionError
 from bsface.formats.curves import curve_on_surface, landmark_path
-from bsface.formats.mesh import tessellate, write_mesh_obj, write_mesh_ply
+from bsface.formats.mesh import write_mesh_obj, write_mesh_ply
 from bsface.formats.mesh_reader import read_mesh_vertices
 from bsface.formats.printing import write_stl
+from bsface.formats.tessellation import tessellate
 from bsface.surface.deviation import deviation
 from bsface.surface.template import load_template
 from fake_face import bare_reconstruction, ellipse_outline, face_surface

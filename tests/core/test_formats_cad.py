@@ -6,9 +6,9 @@ import sys
 import numpy as np
 import pytest
 from bsface.formats import obj, rhino, step
+from bsface.formats.clipping import signed_distance
 from bsface.formats.exchange import exchange_surface, outline_curves
 from bsface.formats.iges import write_iges
-from bsface.formats.mesh import signed_distance
 from bsface.formats.options import Stamp
 from fake_face import ellipse_outline, face_surface
 from scipy.interpolate import BSpline

@@ -6,6 +6,8 @@ from bsface import formats
 from bsface.drawing.pictures import write_png
 from bsface.errors import ReconstructionError
 from bsface.formats import ExportOptions, mesh
+from bsface.formats.clipping import signed_distance
+from bsface.formats.tessellation import tessellate
 from bsface.surface.template import load_template
 from fake_face import bare_reconstruction, ellipse_outline, face_surface
 
@@ -17,7 +19,7 @@ def surface():
 
 @pytest.mark.parametrize("tolerance", [1.0, 0.1, 0.02])
 def test_mesh_stays_within_the_tolerance(surface, tolerance):
-    found = mesh.tessellate(surface, ellipse_outline(), tolerance)
+    found = tessellate(surface, ellipse_outline(), tolerance)
     rng = np.random.default_rng(0)
     corner = found.vertices[found.triangles]
     weight = rng.dirichlet((1, 1, 1), len(corner))
@@ -29,7 +31,7 @@ def test_mesh_stays_within_the_tolerance(surface, tolerance):
 
 
 def test_mesh_is_a_disc_that_faces_outwards(surface):
-    found = mesh.tessellate(surface, ellipse_outline(), 0.1)
+    found = tessellate(surface, ellipse_outline(), 0.1)
     corner = found.vertices[found.triangles]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     outward = found.normals[found.triangles].sum(axis=1)
@@ -40,12 +42,12 @@ def test_mesh_is_a_disc_that_faces_outwards(surface):
     euler = len(found.vertices) - len(undirected) + len(found.triangles)
     assert euler == 1 and count.max() == 2
     rim = np.unique(undirected[count == 1])
-    off = mesh.signed_distance(ellipse_outline(), found.uv[rim])[0]
+    off = signed_distance(ellipse_outline(), found.uv[rim])[0]
     assert np.abs(off).max() < 1e-6
 
 
 def test_untrimmed_mesh_covers_the_square(surface):
-    found = mesh.tessellate(surface, None, 0.5)
+    found = tessellate(surface, None, 0.5)
     side = found.uv[found.triangles]
     a, b = side[:, 1] - side[:, 0], side[:, 2] - side[:, 0]
     assert np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2 == pytest.approx(1)
@@ -54,16 +56,16 @@ def test_untrimmed_mesh_covers_the_square(surface):
 def test_signed_distance_of_a_square():
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
     points = np.array([[0.5, 0.9], [0.5, 1.5], [2, 2], [-0.25, 0.5]])
-    distance, nearest = mesh.signed_distance(square, points)
+    distance, nearest = signed_distance(square, points)
     np.testing.assert_allclose(distance, [0.1, -0.5, -np.sqrt(2), -0.25])
     np.testing.assert_allclose(nearest, [[0.5, 1], [0.5, 1], [1, 1], [0, 0.5]])
 
 
 def test_unusable_tolerances_are_refused(surface):
     with pytest.raises(ValueError, match="positive length"):
-        mesh.tessellate(surface, None, 0.0)
+        tessellate(surface, None, 0.0)
     with pytest.raises(ValueError, match="choose a larger one"):
-        mesh.tessellate(surface, None, 1e-7)
+        tessellate(surface, None, 1e-7)
 
 
 def test_obj_holds_the_mesh_with_texture_coordinates(tmp_path, surface):
@@ -72,7 +74,7 @@ def test_obj_holds_the_mesh_with_texture_coordinates(tmp_path, surface):
     path = mesh.write_mesh_obj(
         out / "my face.obj", surface, ellipse_outline(), texture=picture
     )
-    expected = mesh.tessellate(surface, ellipse_outline(), 0.25)
+    expected = tessellate(surface, ellipse_outline(), 0.25)
     rows = [line.split() for line in path.read_text().splitlines()]
     points = np.array([r[1:] for r in rows if r[0] == "v"], float)
     texture = np.array([r[1:] for r in rows if r[0] == "vt"], float)
@@ -102,13 +104,13 @@ def test_obj_holds_the_mesh_with_texture_coordinates(tmp_path, surface):
 
 def test_default_mesh_of_a_face_is_light():
     template = load_template()
-    made = mesh.tessellate(template.surface, template.outline_uv, 0.25)
+    made = tessellate(template.surface, template.outline_uv, 0.25)
     assert ExportOptions().tolerance == 0.25 and len(made.triangles) < 20_000
 
 
 def test_ply_header_describes_its_bytes(tmp_path, surface):
     path = mesh.write_mesh_ply(tmp_path / "face.ply", surface, None, tolerance=0.3)
-    expected = mesh.tessellate(surface, None, 0.3)
+    expected = tessellate(surface, None, 0.3)
     header, body = path.read_bytes().split(b"end_header\n", 1)
     kinds = {b"double": "<f8", b"float": "<f4"}
     lines = [line.split() for line in header.splitlines()]

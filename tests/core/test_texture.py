@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from bsface.errors import ReconstructionError
-from bsface.formats.mesh import signed_distance
+from bsface.formats.clipping import signed_distance
 from bsface.images.colour import decode_srgb, encode_srgb, to_picture
 from bsface.images.photo import Photo
 from bsface.photometry import harmonics
