@@ -25,6 +25,7 @@ from .settings import Settings
 from .solve.constraint import hold
 from .solve.expression import move_to_neutral, select_neutral
 from .solve.joint.method import joint
+from .solve.landmark_deviation import landmark_deviation
 from .solve.motion import motion
 from .solve.paper.as_printed import paper
 from .solve.paper.imls import imls
@@ -149,6 +150,9 @@ def solve(problem: Problem, clock: Clock | None = None) -> Reconstruction:
     if problem.constraint is None:
         # The method has measured the expressions again.
         estimate = move_to_neutral(problem, estimate)
+    if name == "motion":
+        clock.check_cancelled()
+        estimate = replace(estimate, deviation=landmark_deviation(problem, estimate))
     clock.lap("refine")
     result = finish(problem, estimate, history)
     clock.tell("output", 1, 1, "face finished")

@@ -189,6 +189,12 @@ class BSplineSurface:
         """Unit normals out of the face (Eq. 3 for ``v`` running down), ``(..., 3)``."""
         return unit_normals(self.evaluate(u, v, du=1), self.evaluate(u, v, dv=1))
 
+    @property
+    def greville(self) -> Array:
+        """Greville abscissae of the control points, within [0, 1], ``(M*N, 2)``."""
+        along = [np.clip((np.arange(c) - 1.0) / (c - 3), 0, 1) for c in self.shape]
+        return np.stack(np.meshgrid(*along, indexing="ij"), -1).reshape(-1, 2)
+
     def grid(self, nu: int, nv: int) -> Array:
         """Points on a regular parameter grid, ends included, ``(nu, nv, 3)``."""
         m, n = self.shape

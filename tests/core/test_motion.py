@@ -5,19 +5,17 @@ from dataclasses import replace
 import hypothesis
 import numpy as np
 import pytest
-from bsface.camera.camera import Camera
 from bsface.camera.linear_pose import linear_pose
 from bsface.camera.prior import CameraPrior
-from bsface.landmarks.observations import LandmarkObservations
 from bsface.solve.expression import expression_offsets
 from bsface.solve.landmark_term import facing_weight, landmark_rows
 from bsface.solve.motion import MotionOptions, estimate_motion
 from bsface.surface.alignment import fit_similarity
 from bsface.surface.bspline import basis_matrix
 from bsface.surface.prior import shape_prior
-from bsface.surface.template import load_template
 from few_modes import few_modes
 from hypothesis import strategies as st
+from observed_landmarks import observations, observe, true_cameras
 from scipy.spatial.transform import Rotation
 
 SHAPE = (12, 13)
@@ -45,34 +43,6 @@ def person(template, prior, index, seed=0):
     d = np.einsum("k,kbx->bx", rng.normal(size=len(prior.modes)), prior.modes)
     T = basis_matrix(SHAPE, *template.landmark_uv[index].T)
     return template.surface.vector + d, template.landmark_xyz[index] + T @ d
-
-
-def true_cameras(count=10, seed=1, kappa=True):
-    rng = np.random.default_rng(seed)
-    out = []
-    for yaw in np.linspace(-40, 40, count):
-        R = Rotation.from_euler(
-            "yxz", [yaw, rng.uniform(-15, 15), rng.uniform(-8, 8)], degrees=True
-        ).as_matrix()
-        distance = rng.uniform(900, 1600)
-        s, t = rng.uniform(1.5, 4), rng.normal(0, 20, 2)
-        out.append(Camera(R, s, t, 1 / distance if kappa else 0.0, (300, 250)))
-    return out
-
-
-def observe(Q, cameras, index, noise=0.0, seed=2):
-    rng = np.random.default_rng(seed)
-    pixels = np.stack([c.project(Q) for c in cameras])
-    pixels = pixels + noise * rng.normal(size=pixels.shape)
-    return observations(pixels, np.ones(pixels.shape[:2]), index)
-
-
-def observations(pixels, weight, index):
-    uv, centre = (
-        load_template().landmark_uv[index],
-        np.tile([300.0, 250], (len(pixels), 1)),
-    )
-    return LandmarkObservations(pixels, weight, index, uv, centre)
 
 
 def last(*args):

@@ -59,11 +59,7 @@ class DisplacementModel:
     def about(cls, problem: Problem, estimate: FaceEstimate) -> DisplacementModel:
         """The model whose reference is the surface of an estimate."""
         reference, prior = estimate.surface, problem.prior
-        greville = [
-            np.clip((np.arange(c) - 1.0) / (c - 3), 0, 1) for c in reference.shape
-        ]
-        directions = reference.normals(*np.meshgrid(*greville, indexing="ij"))
-        directions = directions.reshape(-1, 3)
+        directions = reference.normals(*reference.greville.T)
         e = estimate.expressions
         e = e if e.any() else e[:, :0]
         return cls(
