@@ -5,6 +5,7 @@ from bsface.camera.camera import Camera
 from bsface.images.photo import Photo
 from bsface.photometry.skin import SkinMask, skin_masks
 from bsface.surface.template import load_template
+from drawn_person import encoded
 from scipy.spatial.transform import Rotation
 
 TEMPLATE = load_template()
@@ -13,13 +14,6 @@ HAIR = np.array([0.035, 0.028, 0.025])
 SHIRT = np.array([0.08, 0.3, 0.12])
 #: Samples well inside the outline of the face on its left side, its right, its middle.
 SIDES = np.array([[0.05, 0.35], [0.95, 0.35], [0.5, 0.3]])
-
-
-def encoded(linear) -> np.ndarray:
-    """sRGB curve to 16 bits."""
-    c = np.clip(linear, 0, 1)
-    high = 1.055 * np.maximum(c, 1e-9) ** (1 / 2.4) - 0.055
-    return np.round(65535 * np.where(c <= 0.0031308, 12.92 * c, high)).astype(np.uint16)
 
 
 def scene(yaw, gain=(1.0, 1.0, 1.0), other=HAIR, light=0.3):
