@@ -11,11 +11,11 @@ import pytest
 from bsface.errors import PhotoFailure
 from bsface.images.decode import LIMITS, RAW_ENDINGS, Limits
 from bsface.images.folder import list_photos
-from bsface.images.header import read_header
-from bsface.images.photo import Photo, cut
+from bsface.images.photo import Photo
 from bsface.images.read import read_photo
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pictures_for_tests import encoded
 
 # 40 x 32 pixels each, made once with Pillow; red is (200, 30, 30).
 CMYK_JPEG_PURE_RED = base64.b64decode(
@@ -50,14 +50,6 @@ def corners_picture(dtype=np.uint8) -> np.ndarray:
     image[:16, -16:] = (0, top, 0)
     image[-16:, :16] = (0, 0, top)
     return image
-
-
-def encoded(ending: str, image: np.ndarray, *options: int) -> bytes:
-    order = [2, 1, 0] + [3] * (image.shape[2] == 4) if image.ndim == 3 else None
-    data = image if order is None else np.ascontiguousarray(image[..., order])
-    done, buffer = cv2.imencode(ending, data, list(options))
-    assert done
-    return buffer.tobytes()
 
 
 def with_exif_orientation(jpeg: bytes, orientation: int) -> bytes:
@@ -284,6 +276,24 @@ def test_the_thumbnail_of_a_raw_file_is_not_the_photo(read):
     assert read(thumbnail, "a.tif")
 
 
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_damaged_pictures_end_in_a_photo_or_a_sentence(tmp_path_factory, data):
+    ending = data.draw(st.sampled_from([".jpg", ".bmp", ".webp", ".ppm"]))
+    content = bytearray(encoded(ending, corners_picture()))
+    for _ in range(data.draw(st.integers(1, 6))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        content[at] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.mktemp("damaged") / ("a" + ending)
+    path.write_bytes(bytes(content[: data.draw(st.integers(0, len(content)))]))
+    photo = read_photo(path)
+    if photo:
+        assert photo.pixels.dtype in (np.uint8, np.uint16)
+        assert photo.pixels.shape[2] == 3
+    else:
+        assert photo.reason
+
+
 # --- arrays ------------------------------------------------------------------
 
 
@@ -317,108 +327,3 @@ def test_bad_arrays(array, words):
     assert not failure
     assert words in failure.reason
     assert "picture 3" in failure.reason
-
-
-# --- light and windows -------------------------------------------------------
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_linear_undoes_the_srgb_curve(dtype):
-    top = np.iinfo(dtype).max
-    values = np.array([0, 0.02, 0.5, 1])
-    pixels = np.broadcast_to(np.round(values * top)[None, :, None], (1, 4, 3))
-    light = Photo("p", None, (4, 1), pixels.astype(dtype)).linear()
-    assert light.dtype == np.float32
-    np.testing.assert_allclose(
-        light[0, :, 0], [0, 0.02 / 12.92, 0.21404, 1], atol=2 / top
-    )
-
-
-@given(
-    x0=st.floats(-50, 200),
-    y0=st.floats(-50, 200),
-    side=st.floats(1, 300),
-    max_side=st.integers(8, 200),
-)
-@settings(max_examples=100, deadline=None)
-def test_cut_keeps_coordinates(x0, y0, side, max_side):
-    """A linear ramp read through the window is the original's coordinate."""
-    y, x = np.mgrid[:160, :200]
-    ramp = np.stack([x * 300, y * 300, 0 * x], axis=-1).astype(np.uint16)
-    photo = Photo("p", None, (200, 160), ramp)
-    part = cut(photo, (x0, y0, x0 + side, y0 + side), max_side)
-    h, w = part.pixels.shape[:2]
-    # A strip one pixel high is not made shorter.
-    assert 1 <= max(h, w) <= max_side or min(h, w) == 1
-    yy, xx = np.mgrid[:h, :w]
-    xy = part.to_original(np.stack([xx, yy], axis=-1))
-    # The last row and column may be a part of a pixel wide.
-    inner = np.s_[: max(h - 1, 1), : max(w - 1, 1)]
-    # Averages over areas see the pixels as steps: up to 1/8 pixel beside the ramp.
-    tolerance = 0.13 + 0.5 / part.window[2] * (min(h, w) == 1)
-    error = np.abs(part.pixels[..., :2] / 300 - xy)
-    assert error[inner].max() <= tolerance
-    np.testing.assert_allclose(part.to_window(xy), np.stack([xx, yy], -1), atol=1e-9)
-
-
-def test_cut_of_a_cut_is_the_cut():
-    image = np.random.default_rng(1).integers(0, 255, (90, 120, 3), np.uint8)
-    photo = Photo("p", None, (120, 90), image)
-    once = cut(photo, (30, 20, 70, 60))
-    twice = cut(cut(photo, (10, 10, 100, 80)), (30, 20, 70, 60))
-    np.testing.assert_array_equal(once.pixels, twice.pixels)
-    assert once.window == twice.window
-    assert not np.shares_memory(once.pixels, image)
-
-
-# --- headers -----------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "ending", [".jpg", ".png", ".bmp", ".tif", ".webp", ".ppm", ".pgm"]
-)
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_header_says_what_decoding_gives(ending, dtype):
-    if dtype == np.uint16 and ending in (".jpg", ".bmp", ".webp"):
-        pytest.skip(f"{ending} has no 16 bits here")
-    image = np.zeros((37, 53, 3) if ending != ".pgm" else (37, 53), dtype)
-    header = read_header(encoded(ending, image))
-    assert header is not None
-    assert (header.width, header.height) == (53, 37)
-    if ending not in (".webp", ".bmp"):
-        assert header.bytes_per_pixel == image.nbytes / (37 * 53)
-
-
-@given(st.binary(max_size=200), st.integers(0, 7))
-@settings(max_examples=300, deadline=None)
-def test_header_of_any_bytes_does_not_fail(data, kind):
-    start = [
-        b"",
-        b"\xff\xd8\xff",
-        b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR",
-        b"BM",
-        b"II*\0\x08\0\0\0",
-        b"RIFF\0\0\0\0WEBPVP8X",
-        b"P6\n",
-        b"\0\0\0\x0cjP  \r\n\x87\nihdr",
-    ][kind]
-    header = read_header(start + data)
-    assert header is None or header.pixels >= 0
-
-
-@given(data=st.data())
-@settings(max_examples=60, deadline=None)
-def test_damaged_pictures_end_in_a_photo_or_a_sentence(tmp_path_factory, data):
-    ending = data.draw(st.sampled_from([".jpg", ".bmp", ".webp", ".ppm"]))
-    content = bytearray(encoded(ending, corners_picture()))
-    for _ in range(data.draw(st.integers(1, 6))):
-        at = data.draw(st.integers(0, len(content) - 1))
-        content[at] = data.draw(st.integers(0, 255))
-    path = tmp_path_factory.mktemp("damaged") / ("a" + ending)
-    path.write_bytes(bytes(content[: data.draw(st.integers(0, len(content)))]))
-    photo = read_photo(path)
-    if photo:
-        assert photo.pixels.dtype in (np.uint8, np.uint16)
-        assert photo.pixels.shape[2] == 3
-    else:
-        assert photo.reason
