@@ -1,0 +1,161 @@
+"""``python -m bsface`` when it fails: exit codes, and nothing half-written."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from bsface.errors import Cancelled, ReconstructionError
+from command_line import QUICK, run
+
+# --- it is called wrongly: exit code 2 -----------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["-o", "a.npz", "--set", "method"], "--set takes NAME=VALUE, got 'method'."),
+        (["-o", "a.npz", "--set", "method=magic"], "method must be one of"),
+        (["-o", "a.npz", "--set", "colour=red"], "There is no setting colour;"),
+        (["-o", "a.npz", "--set", "control_points=4,5"], "from 8 to 120, got [4, 5]."),
+        (["-o", "a.npz", "--set", "iterations=1e9"], "between 1 and 50, got 1e+09."),
+        (["-o", "a.npz", "--set", "distance_mm=nan"], "got 'nan'."),
+        (["-o", "a.npz", "--set", "distance_mm=NaN"], "got nan."),
+        (["-o", "a.npz", "--set", "detector=False"], "true or false, got 'False'."),
+        (["-o", "a.xyz"], "a.xyz: unknown ending; choose one of .npz"),
+        (["-o", "a.npz", "-o", "noending"], "noending: unknown ending"),
+        (["-o", "a.npz", "--report", "page.doc"], "must end in .html."),
+        (["-o", "a.npz", "--template", "none.npz"], "none.npz is not a template file"),
+        (["-o", "a.npz", "--template", ""], "The name given for template is empty"),
+        (["-o", "a.npz", "--start", ""], "The name given for start is empty"),
+        (["-o", "a.npz", "--report", ""], "The name given for report is empty"),
+        (["-o", "a.npz", "--set", "lam=1", "--set", "lam=2"], "lam is given twice"),
+        (["-o", "sub/.npz/b.npz"], ""),
+    ],
+)
+def test_wrong_call(capsys, photos, tmp_path, monkeypatch, words, sentence):
+    monkeypatch.chdir(tmp_path)
+    if not sentence:
+        (tmp_path / "sub").write_text("a file where a folder is wanted")
+        sentence = "is a file); choose another folder."
+    code, printed, said = run(capsys, photos, *words)
+    assert code == 2
+    assert printed == ""
+    assert sentence in said
+    assert said.startswith("bsface: ")
+    assert said.count("\n") == 1
+    assert set(os.listdir(tmp_path)) <= {"sub"}
+
+
+@pytest.mark.parametrize("words", [[], ["photos"], ["photos", "-o"], ["-o", "a.npz"]])
+def test_missing_words(capsys, words):
+    code, _, said = run(capsys, *words)
+    assert code == 2
+    assert said.startswith("usage:")
+
+
+def test_output_that_is_a_folder(capsys, photos, tmp_path):
+    (tmp_path / "a.npz").mkdir()
+    code, _, said = run(capsys, photos, "-o", tmp_path / "a.npz", *QUICK)
+    assert code == 2
+    assert "is a folder; give the name of a file in it." in said
+
+
+def test_name_that_is_too_long(capsys, photos, tmp_path):
+    name = tmp_path / ("x" * 300 + ".npz")
+    code, _, said = run(capsys, photos, "-o", name, *QUICK)
+    assert code in (1, 2)
+    assert "cannot be written" in said
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may")
+def test_folder_without_permission(capsys, photos, tmp_path):
+    tmp_path.chmod(0o500)
+    code, _, said = run(capsys, photos, "-o", tmp_path / "a.npz", *QUICK)
+    assert code == 2
+    assert "no permission" in said
+
+
+# --- the job fails: exit code 1, and the old file stays ------------------------------
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "sentence"),
+    [
+        (ReconstructionError("No photo; add one."), 1, "bsface: No photo; add one."),
+        (MemoryError(), 1, "bsface: There is not enough memory; use fewer"),
+        (KeyboardInterrupt(), 130, "bsface: interrupted, nothing written"),
+        (Cancelled(), 130, "bsface: interrupted, nothing written"),
+    ],
+)
+def test_failed_job(capsys, photos, tmp_path, error, code, sentence):
+    def stop(*args, **kwargs):
+        raise error
+
+    out = tmp_path / "a.npz"
+    out.write_bytes(b"the old one")
+    found, printed, said = run(capsys, photos, "-o", out, job=stop)
+    assert found == code
+    assert printed == ""
+    assert sentence in said
+    assert out.read_bytes() == b"the old one"
+    assert os.listdir(tmp_path) == ["a.npz"]
+
+
+def test_failure_for_programs(capsys, tmp_path):
+    words = [tmp_path / "none", "-o", tmp_path / "a.npz", "--json"]
+    code, printed, said = run(capsys, *words)
+    assert code == 1
+    facts = json.loads(printed)
+    assert facts["ok"] is False and said == f"bsface: {facts['error']}\n"
+
+
+def test_output_that_cannot_be_replaced(capsys, photos, tmp_path, ready):
+    """Somebody makes a folder of the output's name while the job runs."""
+    out = tmp_path / "a.npz"
+
+    def job(*args, **kwargs):
+        (out / "something").mkdir(parents=True)
+        return ready()
+
+    code, _, said = run(capsys, photos, "-o", out, job=job)
+    assert code == 1
+    assert f"{out}: is a folder" in said
+    assert os.listdir(tmp_path) == ["a.npz"] and os.listdir(out) == ["something"]
+
+
+def test_wrong_folder(capsys, tmp_path):
+    code, _, said = run(capsys, tmp_path / "none", "-o", tmp_path / "a.npz")
+    assert code == 1
+    assert "give the folder that holds the photos." in said
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM", "SIGKILL"])
+def test_stopped_from_outside(photos, tmp_path, stop):
+    """In the middle of the work: the old file stays, and nothing else is there."""
+    out = tmp_path / "face.npz"
+    out.write_bytes(b"the old one")
+    words = [str(photos), "-o", str(out), "--set=iterations=50", "--set=detector=false"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "bsface", *words],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    ) as process:
+        assert process.stderr.readline().startswith("landmarks")
+        process.send_signal(getattr(signal, stop))
+        said = process.stderr.read()
+        code = process.wait(timeout=60)
+    if stop == "SIGKILL":
+        assert code == -signal.SIGKILL
+    else:
+        assert code == 130
+        assert "interrupted, nothing written" in said
+        assert "Traceback" not in said
+    assert os.listdir(tmp_path) == ["face.npz"]
+    assert out.read_bytes() == b"the old one"
