@@ -73,3 +73,11 @@ def solver(registered, tmp_path):
 def solved(solver):
     """Reconstruction without solving; the list of requests that were made."""
     return solver.requests
+
+
+@pytest.fixture
+def face(addon, solved, tmp_path):
+    """A face made by the operator."""
+    bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"), name="Ann")
+    solved.clear()
+    return bpy.context.scene.bsface.face

@@ -15,6 +15,7 @@ Settings = load("core.settings").Settings
 load_template = load("core.surface.template").load_template
 result = load("core.result")
 Outcome = load("bsface_addon.solving").Outcome
+surface_object = load("bsface_addon.surface_object")
 
 SIZE = (160, 200)
 YAWS = (-30.0, 0.0, 25.0)
@@ -93,6 +94,11 @@ def reconstruction(folder, kappa=1 / 900, mixtures=None):
         expressions=mixtures,
         warnings=("The light hardly differs.",),
     )
+
+
+def points(face, key=None):
+    """Control points of a face in the scene, or of one of its shape keys."""
+    return surface_object.read(face, key)
 
 
 class FakeSolver:

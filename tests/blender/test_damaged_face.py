@@ -15,13 +15,6 @@ READERS = ("surface_refit", "surface_to_mesh", "arkit_keys", "export")
 CHANGERS = ("surface_symmetrise", "surface_resample", "coarse_edit")
 
 
-@pytest.fixture
-def face(addon, solved, tmp_path):
-    """A face made by the operator."""
-    bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"), name="Ann")
-    return bpy.context.scene.bsface.face
-
-
 def said(name, tmp_path):
     """The sentence with which an operator refuses; "" if it does its work."""
     words = {"filepath": str(tmp_path / "a.step")} if name == "export" else {}

@@ -15,13 +15,6 @@ showing = load("bsface_addon.showing")
 surface_object = load("bsface_addon.surface_object")
 
 
-@pytest.fixture
-def face(addon, solved, tmp_path):
-    """A face made by the operator."""
-    bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"), name="Ann")
-    return bpy.context.scene.bsface.face
-
-
 def cube(size):
     bpy.ops.mesh.primitive_cube_add(size=size)
     return bpy.context.object
