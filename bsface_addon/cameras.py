@@ -16,7 +16,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import rig, surface_object, view_areas
+from . import coordinates, rig, view_areas
 from .orientation import orientation
 from .rig import PHOTO_KEY
 
@@ -105,7 +105,7 @@ def add(parent, name, camera, photo, turn, collection):
     -------
     bpy.types.Object
     """
-    unit = surface_object.world_frame(rig.face_of_rig(parent)).to_scale().x
+    unit = coordinates.world_frame(rig.face_of_rig(parent)).to_scale().x
     data = bpy.data.cameras.new(name)
     set_lens(data, camera, photo.size, unit)
     obj = bpy.data.objects.new(name, data)

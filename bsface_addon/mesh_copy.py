@@ -11,8 +11,8 @@ import numpy as np
 from ..core.drawing.pictures import encode_png
 from ..core.rig.eyes import iris_picture
 from ..core.rig.mesh import PARTS, QuadMesh
+from . import coordinates
 from . import material as face_material
-from . import surface_object
 from .packed_image import packed_image
 
 # On every object that the add-on makes.
@@ -27,11 +27,11 @@ def local_mesh(made: QuadMesh, unit: float | None) -> QuadMesh:
     Parameters
     ----------
     unit : float or None
-        The object's units per millimetre, `surface_object.UNIT_KEY`.
+        The object's units per millimetre, `coordinates.UNIT_KEY`.
     """
-    points = surface_object.in_units(unit, made.points)
+    points = coordinates.in_units(unit, made.points)
     keys = {
-        name: (points + surface_object.in_units(unit, moved)).astype(np.float32)
+        name: (points + coordinates.in_units(unit, moved)).astype(np.float32)
         for name, moved in made.keys.items()
     }
     return replace(made, points=points.astype(np.float32), keys=keys)
@@ -88,7 +88,7 @@ def stand_alone(
     bpy.types.Object
         As of `add`, but in no collection yet, and with v upwards.
     """
-    local = local_mesh(made, surface_object.METRES_PER_MM)
+    local = local_mesh(made, coordinates.METRES_PER_MM)
     uv = np.stack([made.uv[:, 0], 1 - made.uv[:, 1]], 1)
     local = replace(local, uv=uv)
     obj = _object(name, local)

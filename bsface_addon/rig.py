@@ -11,7 +11,7 @@ import bpy
 from mathutils import Matrix
 
 from ..core.errors import ReconstructionError
-from . import messages, surface_object
+from . import coordinates, messages
 
 MARK = "bsface"
 NAME = "rig"
@@ -75,7 +75,7 @@ def attach(obj: bpy.types.Object, rig: bpy.types.Object, pose: Matrix) -> None:
         The face has no size.
     """
     face = face_of_rig(rig)
-    frame = surface_object.local_frame(face)
+    frame = coordinates.local_frame(face)
     obj.parent = rig
     # Head axes, but the scene's lengths: the rig has the face's own scale.
     turn = frame.to_quaternion().to_matrix().to_4x4()

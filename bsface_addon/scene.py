@@ -19,6 +19,7 @@ from ..core._types import Array
 from ..core.errors import ReconstructionError
 from . import (
     cameras,
+    coordinates,
     face_file,
     lights,
     material,
@@ -122,13 +123,11 @@ def frame_of_new(
     scale : float
         As in `place`.
     """
-    unit = surface_object.units_per_mm(context, scale)
+    unit = coordinates.units_per_mm(context, scale)
     x = unit * control_points[..., 0]
     place = _free_place(context, float(x.min()), float(x.max()))
     return (
-        Matrix.Translation((place, 0, 0))
-        @ surface_object.UPRIGHT
-        @ Matrix.Scale(unit, 4)
+        Matrix.Translation((place, 0, 0)) @ coordinates.UPRIGHT @ Matrix.Scale(unit, 4)
     )
 
 
@@ -235,7 +234,7 @@ def _free_place(context: bpy.types.Context, left: float, right: float) -> float:
 def _extent(face: bpy.types.Object) -> tuple[float, float]:
     """The least and the largest x of a face's control points in the scene."""
     points = surface_object.read(face).reshape(-1, 3)
-    frame = np.array(surface_object.world_frame(face))
+    frame = np.array(coordinates.world_frame(face))
     x = points @ frame[0, :3] + frame[0, 3]
     return float(x.min()), float(x.max())
 

@@ -10,10 +10,10 @@ from mathutils import Quaternion, Vector
 
 from . import (
     cameras,
+    coordinates,
     material,
     photo_expression,
     skin_overlay,
-    surface_object,
     view_areas,
 )
 from .scene import COARSE_OF, MARK
@@ -56,7 +56,7 @@ def show(context, face):
     light_views(context, material.shown(face))
     for area in view_areas.in_window(context):
         view = area.spaces.active.region_3d
-        frame = surface_object.world_frame(face)
+        frame = coordinates.world_frame(face)
         view.view_rotation = frame.to_quaternion()
         if view.view_perspective == "CAMERA":
             view.view_perspective = "PERSP"

@@ -3,13 +3,8 @@
 The only file that knows how Blender stores a NURBS surface: spline points in the
 order ``points[v * U + u]`` (u fastest), float32, homogeneous.  With order 4 and
 *Endpoint* off, Blender's surface is the uniform bicubic B-spline of the paper
-(section 2.1) without any knot conversion.
-
-The core's axes and millimetres become the object's own coordinates in the spline
-points: upright (the core's y is Blender's z, its z, toward the camera, Blender's -y)
-and in the scene's units, so that the object itself has scale 1 and no rotation and
-exports, rigs and physics see it as it is.  The object keeps its units per millimetre
-(`UNIT_KEY`).  Objects of version 0.1 have none: their coordinates are the core's.
+(section 2.1) without any knot conversion.  The points are in the object's own
+coordinates (`coordinates`).
 """
 
 from __future__ import annotations
@@ -19,63 +14,21 @@ from collections.abc import Iterator
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 from ..core._types import Array, Mask
+from . import coordinates
 
 ORDER = 4
 RESOLUTION = 4
-METRES_PER_MM = 0.001
 #: Two coordinates that differ by less are equal but for float32, mm.
 ROUNDING_MM = 1e-4
-#: On the object: its units per millimetre of the face.
-UNIT_KEY = "bsface_units_per_mm"
-# A quarter turn about x, exactly.
-UPRIGHT = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
-
-
-def units_per_mm(context: bpy.types.Context, scale: float = 1.0) -> float:
-    """Blender units per millimetre of a new face; ``scale`` 1 is life size.
-
-    One unit is one metre unless the scene's unit scale says otherwise.
-    """
-    return scale * METRES_PER_MM / context.scene.unit_settings.scale_length
-
-
-def local_frame(obj: bpy.types.Object) -> Matrix:
-    """From the core's axes and millimetres to the object's own coordinates."""
-    unit = obj.get(UNIT_KEY)
-    return Matrix() if unit is None else UPRIGHT @ Matrix.Scale(unit, 4)
-
-
-def world_frame(obj: bpy.types.Object) -> Matrix:
-    """From the core's axes and millimetres to the scene."""
-    return obj.matrix_world @ local_frame(obj)
-
-
-def to_local(obj: bpy.types.Object, xyz: Array) -> Array:
-    """Points of the core, (..., 3) mm, in the object's own coordinates."""
-    return in_units(obj.get(UNIT_KEY), xyz)
-
-
-def in_units(unit: float | None, xyz: Array) -> Array:
-    """As `to_local`, from an object's units per millimetre; any thread may call it."""
-    return xyz if unit is None else unit * _upright(xyz)
-
-
-def from_local(obj: bpy.types.Object, xyz: Array) -> Array:
-    """The reverse of `to_local`."""
-    unit = obj.get(UNIT_KEY)
-    if unit is None:
-        return xyz
-    return np.stack([xyz[..., 0], xyz[..., 2], -xyz[..., 1]], -1) / unit
 
 
 def is_surface(obj: bpy.types.Object | None) -> bool:
     """Whether ``obj`` is one bicubic NURBS surface patch that `read` can read."""
     if obj is None or obj.type != "SURFACE" or len(obj.data.splines) != 1:
         return False
-    unit = obj.get(UNIT_KEY, 1.0)
+    unit = obj.get(coordinates.UNIT_KEY, 1.0)
     # The user may write anything into a custom property.
     if not isinstance(unit, float | int) or not 1e-12 < unit < 1e12:
         return False
@@ -109,7 +62,7 @@ def create(
     with object_mode(context):
         curve = _grid(context, name, points.shape[0], points.shape[1])
     obj = bpy.data.objects.new(name, curve)
-    obj[UNIT_KEY] = units_per_mm(context, scale)
+    obj[coordinates.UNIT_KEY] = coordinates.units_per_mm(context, scale)
     context.scene.collection.objects.link(obj)
     _store(obj, points)
     return obj
@@ -123,10 +76,10 @@ def create_like(
 ) -> bpy.types.Object:
     """As `create`, with place and size of another surface."""
     obj = create(context, name, control_points)
-    if UNIT_KEY in other:
-        obj[UNIT_KEY] = other[UNIT_KEY]
+    if coordinates.UNIT_KEY in other:
+        obj[coordinates.UNIT_KEY] = other[coordinates.UNIT_KEY]
     else:
-        del obj[UNIT_KEY]
+        del obj[coordinates.UNIT_KEY]
     _store(obj, _checked(control_points))
     obj.matrix_world = other.matrix_world
     return obj
@@ -184,7 +137,7 @@ def read(obj: bpy.types.Object, key: str | None = None) -> Array:
         obj.data.splines[0].points.foreach_get("co", flat)
         stored = flat.reshape(n, m, 4)[..., :3]
     local = np.ascontiguousarray(stored.transpose(1, 0, 2), dtype=np.float64)
-    return from_local(obj, local)
+    return coordinates.from_local(obj, local)
 
 
 def shape(obj: bpy.types.Object) -> tuple[int, int]:
@@ -271,14 +224,9 @@ def _exists(obj: bpy.types.Object | None) -> bool:
         return False
 
 
-def _upright(xyz: Array) -> Array:
-    """The core's axes -> Blender's."""
-    return np.stack([xyz[..., 0], -xyz[..., 2], xyz[..., 1]], -1)
-
-
 def _in_blenders_order(obj: bpy.types.Object, points: Array) -> Array:
     """Control points (M, N, 3) in mm as spline points, (N, M, 3) float32."""
-    local = to_local(obj, points).transpose(1, 0, 2)
+    local = coordinates.to_local(obj, points).transpose(1, 0, 2)
     return np.ascontiguousarray(local, np.float32)
 
 

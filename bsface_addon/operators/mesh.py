@@ -12,6 +12,7 @@ from ...core.rig.arkit import arkit_keys
 from ...core.rig.head import full_head
 from ...core.rig.mesh import quad_mesh
 from .. import (
+    coordinates,
     face_file,
     maps,
     material,
@@ -75,7 +76,7 @@ class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operat
             self.density.lower(),
             self.openings,
             self.keys,
-            face.get(surface_object.UNIT_KEY),
+            face.get(coordinates.UNIT_KEY),
         )
 
     @staticmethod
@@ -139,7 +140,7 @@ class BSFACE_OT_full_head(ChangingOperator, LongOperator, bpy.types.Operator):
             self.keys,
             picture=material.packed_map(face, "SKIN"),
             detail=material.packed_map(face, material.DETAIL),
-            unit=face.get(surface_object.UNIT_KEY),
+            unit=face.get(coordinates.UNIT_KEY),
         )
 
     @staticmethod

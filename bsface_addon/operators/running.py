@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ...core.errors import ReconstructionError, out_of_memory
-from .. import cameras, messages, scene, session, showing, surface_object
+from .. import cameras, coordinates, messages, scene, session, showing
 from ..estimate_overlay import extent
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class LongOperator:
         if face is None:
             frame = scene.frame_of_new(context, points, context.scene.bsface.size)
         else:
-            frame = surface_object.world_frame(face)
+            frame = coordinates.world_frame(face)
         overlay.show(context, points, frame)
         if first and face is None and footprint(context) == self._before:
             # Views of a new file show metres; the face would be a dot in them.

@@ -11,6 +11,7 @@ from ...core.problem import Constraint
 from ...core.surface.bspline import resampled_net
 from .. import (
     coarse_editor,
+    coordinates,
     face_file,
     maps,
     material,
@@ -297,7 +298,7 @@ class BSFACE_OT_coarse_done(bpy.types.Operator):
 
 def _fit_proportional_size(context: bpy.types.Context, face: bpy.types.Object) -> None:
     """Proportional editing reaches a feature of the face where it reached all of it."""
-    unit = surface_object.world_frame(face).to_scale().x
+    unit = coordinates.world_frame(face).to_scale().x
     tool = context.tool_settings
     if tool.proportional_size > WHOLE_FACE_MM * unit:
         tool.proportional_size = REACH_MM * unit

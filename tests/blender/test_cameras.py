@@ -13,6 +13,7 @@ from mathutils import Matrix, Vector
 
 scene = load("bsface_addon.scene")
 cameras = load("bsface_addon.cameras")
+coordinates = load("bsface_addon.coordinates")
 surface_object = load("bsface_addon.surface_object")
 orientation = load("bsface_addon.orientation").orientation
 Outcome = load("bsface_addon.solving").Outcome
@@ -21,9 +22,9 @@ Outcome = load("bsface_addon.solving").Outcome
 def as_in_the_first_version(face):
     """Coordinates in the core's millimetres; the matrix makes them life size."""
     points = surface_object.read(face)
-    del face[surface_object.UNIT_KEY]
+    del face[coordinates.UNIT_KEY]
     surface_object.write(bpy.context, face, points)
-    face.matrix_world = surface_object.UPRIGHT @ Matrix.Scale(0.001, 4)
+    face.matrix_world = coordinates.UPRIGHT @ Matrix.Scale(0.001, 4)
     bpy.context.view_layer.update()
 
 
@@ -36,7 +37,7 @@ def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, v
     if version == "0.1":
         as_in_the_first_version(face)
         scene.place(bpy.context, Outcome.of(result), "Ann", face=face)
-        assert surface_object.UNIT_KEY not in face
+        assert coordinates.UNIT_KEY not in face
     if moved:
         face.location = (1, 2, 3)
         face.rotation_euler.z = 0.7
@@ -48,7 +49,7 @@ def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, v
         bpy.context.view_layer.update()
         seen = [
             world_to_camera_view(
-                empty_scene, obj, surface_object.world_frame(face) @ Vector(q)
+                empty_scene, obj, coordinates.world_frame(face) @ Vector(q)
             )
             for q in head
         ]

@@ -8,7 +8,7 @@ scene = load("bsface_addon.scene")
 cameras = load("bsface_addon.cameras")
 face_file = load("bsface_addon.face_file")
 stored_facts = load("bsface_addon.stored_facts")
-surface_object = load("bsface_addon.surface_object")
+coordinates = load("bsface_addon.coordinates")
 
 # What reads the file, the control points, or both.
 READERS = ("surface_refit", "surface_to_mesh", "arkit_keys", "export")
@@ -53,7 +53,7 @@ def test_points_that_are_no_surface_are_one_sentence(face, tmp_path, name, place
 
 @pytest.mark.parametrize("unit", ["x", 0.0, -1.0, 1e308, float("nan"), [1.0, 2.0]])
 def test_a_surface_of_no_size_is_no_face(face, tmp_path, unit):
-    face[surface_object.UNIT_KEY] = unit
+    face[coordinates.UNIT_KEY] = unit
     assert not scene.is_face(face)
     for name in (*READERS, *CHANGERS, "surface_net"):
         assert "Traceback" not in said(name, tmp_path)

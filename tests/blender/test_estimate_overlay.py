@@ -20,6 +20,7 @@ surface_operators = load("bsface_addon.operators.surface")
 running = load("bsface_addon.operators.running")
 scene = load("bsface_addon.scene")
 session = load("bsface_addon.session")
+coordinates = load("bsface_addon.coordinates")
 surface_object = load("bsface_addon.surface_object")
 errors = load("core.errors")
 Step = load("core.progress").Step
@@ -156,13 +157,13 @@ def test_the_newest_estimate_is_drawn_where_the_face_will_be(window, solved, tmp
     # Where `place` puts a new face of this size.
     bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
     face = bpy.context.scene.bsface.face
-    assert np.allclose(drawn.frame, surface_object.world_frame(face))
+    assert np.allclose(drawn.frame, coordinates.world_frame(face))
     points = surface_object.read(face)
     beside = scene.frame_of_new(bpy.context, points, 2.0)
     bpy.ops.bsface.reconstruct(separate=True)
     second = bpy.context.scene.bsface.face
     assert second != face
-    assert np.allclose(beside, surface_object.world_frame(second), atol=1e-6)
+    assert np.allclose(beside, coordinates.world_frame(second), atol=1e-6)
 
 
 def test_over_a_face_it_follows_its_object(window, solved, tmp_path):
@@ -172,7 +173,7 @@ def test_over_a_face_it_follows_its_object(window, solved, tmp_path):
     before, points = everything(), surface_object.read(face)
     operator = begin(window, face=face)
     drawn = overlay().estimate
-    assert np.allclose(drawn.frame, surface_object.world_frame(face))
+    assert np.allclose(drawn.frame, coordinates.world_frame(face))
     face.location.x = 7
     bpy.context.view_layer.update()
     operator.show_estimate(window, session.running())

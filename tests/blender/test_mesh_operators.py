@@ -9,7 +9,7 @@ from blender.faces import points
 maps = load("bsface_addon.maps")
 material = load("bsface_addon.material")
 face_file = load("bsface_addon.face_file")
-surface_object = load("bsface_addon.surface_object")
+coordinates = load("bsface_addon.coordinates")
 load_template = load("core.surface.template").load_template
 
 
@@ -25,7 +25,7 @@ def test_the_mesh_lies_on_the_surface_and_moves_with_its_keys(face, openings):
     corner = np.empty(len(mesh.loops), np.int32)
     mesh.loops.foreach_get("vertex_index", corner)
     local = np.array([v.co for v in mesh.vertices])[corner]
-    xyz = surface_object.from_local(face, local)[skin]
+    xyz = coordinates.from_local(face, local)[skin]
     at = uv.reshape(-1, 2).astype(float)[skin]
     away = np.linalg.norm(xyz - face_file.surface(face).evaluate(*at.T), axis=1)
     # Only the rims of the lids leave the surface, for the eyeballs behind them.
@@ -60,7 +60,7 @@ def test_the_head_holds_the_face_and_its_picture(face, textured):
     bpy.ops.bsface.full_head(density="LOW", keys=True)
     obj = bpy.data.objects["Ann head"]
     mesh = obj.data
-    xyz = surface_object.from_local(face, np.array([v.co for v in mesh.vertices]))
+    xyz = coordinates.from_local(face, np.array([v.co for v in mesh.vertices]))
     grid = face_file.surface(face).grid(60, 60).reshape(-1, 3)
     assert np.ptp(xyz[:, 2]) > 1.5 * np.ptp(grid[:, 2]), "no back of the head"
     assert obj.matrix_world == face.matrix_world

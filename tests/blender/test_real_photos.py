@@ -14,6 +14,7 @@ cameras = load("bsface_addon.cameras")
 face_file = load("bsface_addon.face_file")
 material = load("bsface_addon.material")
 photo_list = load("bsface_addon.photo_list")
+coordinates = load("bsface_addon.coordinates")
 surface_object = load("bsface_addon.surface_object")
 
 
@@ -31,9 +32,7 @@ def reprojection(face):
     template = load("core.surface.template").load_template()
     surface, saved = face_file.surface(face), face_file.saved(face)
     uv = template.landmark_uv
-    world = [
-        surface_object.world_frame(face) @ Vector(q) for q in surface.evaluate(*uv.T)
-    ]
+    world = [coordinates.world_frame(face) @ Vector(q) for q in surface.evaluate(*uv.T)]
     normals = surface.normals(*uv.T)
     rows = {row.name: row for row in bpy.context.scene.bsface.photos}
     ways = []

@@ -17,7 +17,7 @@ cameras = load("bsface_addon.cameras")
 face_file = load("bsface_addon.face_file")
 lights = load("bsface_addon.lights")
 material = load("bsface_addon.material")
-surface_object = load("bsface_addon.surface_object")
+coordinates = load("bsface_addon.coordinates")
 maps = load("bsface_addon.maps")
 Outcome = load("bsface_addon.solving").Outcome
 removal = load("bsface_addon.removal")
@@ -41,7 +41,7 @@ def test_face_stands_upright_in_life_size(empty_scene, tmp_path):
     assert face.matrix_world == Matrix()
     width, depth, height = face.dimensions
     assert 0.1 < width < 0.2 < height + 0.1 < 0.35 and 0.03 < depth < 0.1
-    nose = surface_object.world_frame(face) @ Vector((0, -20, 60))
+    nose = coordinates.world_frame(face) @ Vector((0, -20, 60))
     np.testing.assert_allclose(nose, (0, -0.06, -0.02), atol=1e-8)
 
 
@@ -56,7 +56,7 @@ def test_suns_shine_from_where_the_light_came(empty_scene, tmp_path):
         lights.of_face(face), result.photometric.lights, strict=True
     ):
         shines = sun.matrix_world.to_3x3() @ Vector((0, 0, -1))
-        towards = surface_object.world_frame(face).to_3x3() @ Vector(harmonics[1:4])
+        towards = coordinates.world_frame(face).to_3x3() @ Vector(harmonics[1:4])
         assert shines.normalized().dot(towards.normalized()) < -0.9999
         assert sun.data.energy == pytest.approx(
             2 * np.pi * np.linalg.norm(harmonics[1:4])
@@ -169,9 +169,7 @@ def test_texture_coordinates_are_u_and_v(empty_scene, tmp_path):
     mesh.uv_layers[0].data.foreach_get("uv", uv)
     corner = np.empty(len(mesh.loops), np.int32)
     mesh.loops.foreach_get("vertex_index", corner)
-    xyz = surface_object.from_local(face, np.array([v.co for v in mesh.vertices]))[
-        corner
-    ]
+    xyz = coordinates.from_local(face, np.array([v.co for v in mesh.vertices]))[corner]
     np.testing.assert_allclose(
         xyz, result.surface.evaluate(*uv.reshape(-1, 2).astype(float).T), atol=2e-3
     )

@@ -6,6 +6,7 @@ import pytest
 from blender.checkout import load
 from mathutils import Matrix, Vector
 
+coordinates = load("bsface_addon.coordinates")
 surface_object = load("bsface_addon.surface_object")
 bspline = load("core.surface.bspline")
 # Half a unit in the last place of coordinates below 0.25 m.
@@ -25,7 +26,7 @@ def evaluated(obj):
     xyz = np.empty(len(mesh.vertices) * 3, np.float32)
     mesh.vertices.foreach_get("co", xyz)
     obj.evaluated_get(depsgraph).to_mesh_clear()
-    return surface_object.from_local(obj, xyz.reshape(-1, 3).astype(float))
+    return coordinates.from_local(obj, xyz.reshape(-1, 3).astype(float))
 
 
 @pytest.mark.parametrize("count", [(40, 40), (7, 12)])
@@ -169,12 +170,12 @@ def test_the_object_itself_has_no_scale_and_no_rotation(empty_scene):
     stored = np.array([point.co[:3] for point in obj.data.splines[0].points])
     expected = np.stack([x, -z, y], -1).transpose(1, 0, 2).reshape(-1, 3)
     np.testing.assert_allclose(stored, expected, atol=1e-5)
-    frame = surface_object.world_frame(obj)
+    frame = coordinates.world_frame(obj)
     np.testing.assert_allclose(
         [frame @ Vector(p) for p in points[0]], np.stack([x, -z, y], -1)[0], atol=1e-5
     )
-    local = surface_object.to_local(obj, points)
-    np.testing.assert_allclose(surface_object.from_local(obj, local), points)
+    local = coordinates.to_local(obj, points)
+    np.testing.assert_allclose(coordinates.from_local(obj, local), points)
 
 
 def test_objects_of_the_first_version_keep_their_own_coordinates(empty_scene):
@@ -183,11 +184,11 @@ def test_objects_of_the_first_version_keep_their_own_coordinates(empty_scene):
     points = np.zeros((30, 4), np.float32)
     points[:, :3] = face_like(6, 5).transpose(1, 0, 2).reshape(-1, 3)
     points[:, 3] = 1
-    del obj[surface_object.UNIT_KEY]
+    del obj[coordinates.UNIT_KEY]
     obj.data.splines[0].points.foreach_set("co", points.ravel())
-    obj.matrix_world = surface_object.UPRIGHT @ Matrix.Scale(0.001, 4)
+    obj.matrix_world = coordinates.UPRIGHT @ Matrix.Scale(0.001, 4)
     np.testing.assert_allclose(surface_object.read(obj), face_like(6, 5), atol=1e-5)
-    assert surface_object.world_frame(obj) == obj.matrix_world
+    assert coordinates.world_frame(obj) == obj.matrix_world
     moved = face_like(6, 5) + (1, 2, 3)
     surface_object.write(bpy.context, obj, moved)
     surface_object.add_shape_key(obj, "Smile", moved + 1)

@@ -8,6 +8,7 @@ from blender.faces import points
 
 scene = load("bsface_addon.scene")
 face_file = load("bsface_addon.face_file")
+coordinates = load("bsface_addon.coordinates")
 surface_object = load("bsface_addon.surface_object")
 
 
@@ -126,9 +127,9 @@ def test_the_face_follows_its_coarse_net(face, keep, version):
     coarse_editor = load("bsface_addon.coarse_editor")
     if version == "0.1":
         b = points(face)
-        del face[surface_object.UNIT_KEY]
+        del face[coordinates.UNIT_KEY]
         surface_object.write(bpy.context, face, b)
-        face.matrix_world = surface_object.UPRIGHT * 0.001
+        face.matrix_world = coordinates.UPRIGHT * 0.001
     face.location.x = 0.3
     before = points(face)
     bpy.ops.bsface.coarse_edit()

@@ -12,6 +12,7 @@ cameras = load("bsface_addon.cameras")
 photo_expression = load("bsface_addon.photo_expression")
 Outcome = load("bsface_addon.solving").Outcome
 showing = load("bsface_addon.showing")
+coordinates = load("bsface_addon.coordinates")
 surface_object = load("bsface_addon.surface_object")
 
 
@@ -170,7 +171,7 @@ def drawn(face, steps):
     surface_object.set_resolution(face, steps)
     found = face.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
     local = np.array([vertex.co for vertex in found.vertices])
-    return surface_object.from_local(face, local)
+    return coordinates.from_local(face, local)
 
 
 def test_a_photo_shows_its_own_expression_and_the_calm_face_comes_back(mixed):
