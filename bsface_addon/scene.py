@@ -175,6 +175,14 @@ def active_face(context):
     return chosen.face if chosen.face.name in context.scene.objects else None
 
 
+def face_with(context, number):
+    """The face of the scene with Blender's own number (`session_uid`), or None."""
+    return next(
+        (f for f in context.scene.objects if f.session_uid == number and is_face(f)),
+        None,
+    )
+
+
 def stored(face, key, default):
     """A JSON fact of a face; the default where it is none of the default's kind."""
     try:

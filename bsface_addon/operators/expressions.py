@@ -99,9 +99,9 @@ class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operato
         )
 
     def deliver(self, context, request, outcome):
-        face = scene.active_face(context)
+        face = self.updated(context)
         if face is None:
-            raise ReconstructionError(messages.NO_FACE_OBJECT)
+            raise ReconstructionError(messages.FACE_GONE)
         from ...core.solve.expression import expression_of
         from ...core.surface.template import load_template
 

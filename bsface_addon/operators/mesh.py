@@ -91,9 +91,9 @@ class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operat
         return mesh_copy.local_mesh(made, request.unit)
 
     def deliver(self, context, request, outcome):
-        face = scene.active_face(context)
+        face = self.updated(context)
         if face is None:
-            raise ReconstructionError(messages.NO_FACE_OBJECT)
+            raise ReconstructionError(messages.FACE_GONE)
         with scene.all_or_nothing(context):
             made = mesh_copy.add(face, outcome)
         self.report({"INFO"}, messages.MESH.format(count=len(made.data.polygons)))
@@ -155,9 +155,9 @@ class BSFACE_OT_full_head(ChangingOperator, LongOperator, bpy.types.Operator):
         return mesh_copy.local_mesh(head, request.unit), picture, detail
 
     def deliver(self, context, request, outcome):
-        face = scene.active_face(context)
+        face = self.updated(context)
         if face is None:
-            raise ReconstructionError(messages.NO_FACE_OBJECT)
+            raise ReconstructionError(messages.FACE_GONE)
         head, picture, detail = outcome
         with scene.all_or_nothing(context):
             skin = mesh_copy.head_skin(face, picture, detail)
@@ -180,9 +180,9 @@ class BSFACE_OT_arkit_keys(ChangingOperator, LongOperator, bpy.types.Operator):
         return arkit_keys(request.read())
 
     def deliver(self, context, request, outcome):
-        face = scene.active_face(context)
+        face = self.updated(context)
         if face is None:
-            raise ReconstructionError(messages.NO_FACE_OBJECT)
+            raise ReconstructionError(messages.FACE_GONE)
         with scene.all_or_nothing(context), surface_object.object_mode(context):
             photo_expression.hide(face)
             # On the net as it is now: it may have been edited meanwhile.

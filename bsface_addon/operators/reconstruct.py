@@ -83,7 +83,7 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
             left_out += photo_list.ignored(state)
         return request.from_panel(state, photos, self.name, changes, ignore=left_out)
 
-    def updated(self, context):
+    def chosen(self, context):
         separate = self.separate or context.scene.bsface.separate
         return None if separate else scene.active_face(context)
 

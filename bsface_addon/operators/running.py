@@ -35,9 +35,22 @@ class LongOperator:
         """What the thread does."""
         return solver.solve(request, progress)
 
-    def updated(self, context: bpy.types.Context) -> bpy.types.Object | None:
-        """The face that the result goes into; None for a new one."""
+    def chosen(self, context: bpy.types.Context) -> bpy.types.Object | None:
+        """The face that the job is for, as it begins; None for a new one."""
         return scene.active_face(context)
+
+    def updated(self, context: bpy.types.Context) -> bpy.types.Object | None:
+        """The face that the job is for, whatever the user has made active meanwhile.
+
+        None for a new one, and where it is not in the scene any more.
+        """
+        return scene.face_with(context, self._face)
+
+    def begin_for(self, context: bpy.types.Context) -> Request:
+        """Remember the face that the job is for; the request."""
+        face = self.chosen(context)
+        self._face = None if face is None else face.session_uid
+        return self.prepare(context)
 
     # Whether the user has left everything alone since the job began; otherwise the
     # result must not take selection, mode and view away.
@@ -45,7 +58,7 @@ class LongOperator:
 
     def execute(self, context):
         try:
-            request = self.prepare(context)
+            request = self.begin_for(context)
             outcome = self.work(session.current().solver, request, None)
             self.deliver(context, request, outcome)
         except Exception as error:
@@ -60,7 +73,7 @@ class LongOperator:
     def start(self, context):
         """Start the job and go on as a modal operator."""
         try:
-            self._request = self.prepare(context)
+            self._request = self.begin_for(context)
         except Exception as error:
             return self.failed(context, error, traceback.format_exc())
         now = session.current()

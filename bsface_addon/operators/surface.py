@@ -98,7 +98,7 @@ class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator
     def deliver(self, context, request, outcome):
         face = self.updated(context)
         if face is None:
-            raise ReconstructionError(messages.NO_FACE_OBJECT)
+            raise ReconstructionError(messages.FACE_GONE)
         apply_result(context, request, outcome, face=face, select=self.undisturbed)
         self.report({"INFO"}, messages.done(face, outcome.result.reports))
 

@@ -191,19 +191,19 @@ def test_views_are_drawn_anew_for_news_only(window):
 
 def test_what_is_updated_is_what_the_estimate_lies_over(addon, solved, tmp_path):
     state = bpy.context.scene.bsface
-    updated = reconstruct.BSFACE_OT_reconstruct.updated
+    chosen = reconstruct.BSFACE_OT_reconstruct.chosen
     asked = SimpleNamespace(separate=False)
-    assert updated(asked, bpy.context) is None
+    assert chosen(asked, bpy.context) is None
     bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
-    assert updated(asked, bpy.context) == state.face
+    assert chosen(asked, bpy.context) == state.face
     state.separate = True
-    assert updated(asked, bpy.context) is None
+    assert chosen(asked, bpy.context) is None
     # Fits that end in the face itself or in a key of it, whatever that setting is.
     for other in (
         surface_operators.BSFACE_OT_surface_refit,
         expressions.BSFACE_OT_expression_key,
     ):
-        assert other.updated(SimpleNamespace(), bpy.context) == state.face
+        assert other.chosen(SimpleNamespace(), bpy.context) == state.face
 
 
 def test_nothing_is_left_after_the_result(window):
