@@ -11,7 +11,8 @@ import numpy as np
 from _baseline import DepthFace
 from bsface.drawing.pictures import colour_map
 from bsface.drawing.rasterize import rasterize
-from bsface.drawing.render import SurfaceGrid, sample_surface, shaded_view, yaw_rotation
+from bsface.drawing.render import shaded_view, yaw_rotation
+from bsface.drawing.surface_grid import SurfaceGrid, sample_surface
 from bsface.surface.bspline import BSplineSurface, grid_triangles
 from bsface.surface.template import Template
 from numpy.typing import NDArray

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from bsface.drawing.rasterize import rasterize
-from bsface.drawing.render import outline_picture, read_picture, sample_surface
+from bsface.drawing.surface_grid import outline_picture, read_picture, sample_surface
 from bsface.images.colour import encode_srgb
 from bsface.texture.bake import Texture
 from bsface.texture.blend import COARSE

@@ -20,7 +20,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 from bsface.drawing.pictures import write_png
-from bsface.drawing.render import SurfaceGrid, shaded_view
+from bsface.drawing.render import shaded_view
+from bsface.drawing.surface_grid import SurfaceGrid
 from bsface.errors import ReconstructionError
 from bsface.formats import export, load_face
 from bsface.surface.bspline import grid_triangles

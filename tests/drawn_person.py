@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from bsface import BSplineSurface, Settings
 from bsface.camera.camera import Camera
-from bsface.drawing import render
 from bsface.drawing.rasterize import rasterize
+from bsface.drawing.surface_grid import sample_surface
 from bsface.landmarks.landmarks import Landmarks
 from bsface.photometry import harmonics
 from bsface.surface.alignment import fit_similarity
@@ -32,7 +32,7 @@ def person(seed=3) -> BSplineSurface:
 def draw(surface, count=5, seed=0, side=SIDE):
     """16-bit photos and landmarks of a face under varied light, poses known."""
     rng = np.random.default_rng(seed)
-    grid = render.sample_surface(surface, None, 150)
+    grid = sample_surface(surface, None, 150)
     photos, marks = [], {}
     moved = surface.evaluate(*TEMPLATE.landmark_uv.T)
     moved += TEMPLATE.landmark_xyz - TEMPLATE.surface.evaluate(*TEMPLATE.landmark_uv.T)

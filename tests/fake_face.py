@@ -74,8 +74,9 @@ def painted_reconstruction(
     ``height(u, v)``: what stands out of the surface, mm; drawn by its normals only.
     """
     from bsface.camera.camera import Camera
-    from bsface.drawing import render
     from bsface.drawing.rasterize import rasterize
+    from bsface.drawing.render import yaw_rotation
+    from bsface.drawing.surface_grid import sample_surface
     from bsface.images.colour import to_picture
     from bsface.images.photo import Photo
     from bsface.landmarks.landmarks import Landmarks
@@ -84,11 +85,11 @@ def painted_reconstruction(
     rng = np.random.default_rng(seed)
     surface = face_surface()
     template = face_template(surface)
-    grid = render.sample_surface(surface, None, 150)
+    grid = sample_surface(surface, None, 150)
     photos, cameras, marks, reports, lights = [], [], [], [], []
     for index in range(count):
         yaw = -35 + 70 * index / max(count - 1, 1)
-        R = render.yaw_rotation(yaw, rng.uniform(-12, 12))
+        R = yaw_rotation(yaw, rng.uniform(-12, 12))
         centre = np.full(2, (side - 1) / 2)
         camera = Camera(R, side / 220, rng.uniform(-4, 4, 2), 1 / 1500, centre)
         light = np.zeros((9, 3))
@@ -190,8 +191,9 @@ def person_folder(
     import json
 
     from bsface.camera.camera import Camera
-    from bsface.drawing import render
     from bsface.drawing.rasterize import rasterize
+    from bsface.drawing.render import yaw_rotation
+    from bsface.drawing.surface_grid import sample_surface
     from bsface.images.colour import to_picture
     from bsface.photometry import harmonics
     from bsface.surface.template import load_template
@@ -199,10 +201,10 @@ def person_folder(
     rng = np.random.default_rng(seed)
     template = load_template()
     surface = template.surface
-    grid = render.sample_surface(surface, None, 150)
+    grid = sample_surface(surface, None, 150)
     folder.mkdir(parents=True, exist_ok=True)
     for index in range(count):
-        R = render.yaw_rotation(rng.uniform(*yaw), rng.uniform(-8, 8))
+        R = yaw_rotation(rng.uniform(*yaw), rng.uniform(-8, 8))
         centre = np.full(2, (side - 1) / 2)
         camera = Camera(R, side / 260, np.zeros(2), 1 / 1200, centre)
         raster = rasterize(

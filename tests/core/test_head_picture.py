@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from bsface.drawing.pictures import write_png
-from bsface.drawing.render import read_picture
+from bsface.drawing.surface_grid import read_picture
 from bsface.errors import ReconstructionError
 from bsface.rig.base_head import SQUARE, base_head, face_region
 from bsface.rig.head import SURE

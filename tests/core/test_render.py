@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from bsface.drawing import pictures, render
 from bsface.drawing.rasterize import rasterize
+from bsface.drawing.surface_grid import sample_surface
+from bsface.surface.bspline import grid_triangles
 from fake_face import face_surface, face_template
 
 
@@ -49,7 +51,7 @@ def _jittered_grid(rng, count, size):
     x, y = np.meshgrid(np.linspace(0, size, count), np.linspace(0, size, count))
     xy = np.stack([x.T.ravel(), y.T.ravel()], axis=1)
     xy += rng.uniform(-1.5, 1.5, xy.shape)
-    return xy, render.grid_triangles(count, count)
+    return xy, grid_triangles(count, count)
 
 
 def test_triangles_out_of_the_picture_and_not_finite_are_left_out():
@@ -60,7 +62,7 @@ def test_triangles_out_of_the_picture_and_not_finite_are_left_out():
 
 def test_front_view_shows_the_outline_at_its_place():
     surface, template = face_surface(), face_template()
-    grid = render.sample_surface(surface, template, 120)
+    grid = sample_surface(surface, template, 120)
     picture = render.shaded_view(
         grid, size=(200, 240), mm_per_pixel=1.0, centre=(0, 0, 0), background=(0, 0, 0)
     )
@@ -83,7 +85,7 @@ def test_texture_is_drawn_where_its_parameters_are():
     surface = face_surface()
     texture = np.zeros((64, 64, 3), np.uint8)
     texture[:32, :32] = (255, 0, 0)  # v < 0.5, u < 0.5: top left
-    grid = render.sample_surface(surface, None, 80)
+    grid = sample_surface(surface, None, 80)
     picture = render.shaded_view(grid, size=(100, 120), colours=texture, shading=0.0)
     red = (picture[..., 0] > 200) & (picture[..., 1] < 60)
     rows, columns = np.nonzero(red)
