@@ -29,7 +29,8 @@ from bsface import Reconstruction, list_photos, reconstruct
 from bsface.progress import never_cancelled
 from bsface.texture.blend import measured_places
 from bsface.texture.delit import DelitPhotos, delit_photos
-from bsface.texture.detail import Detail, PhotoDetail, measure_detail
+from bsface.texture.detail import Detail
+from bsface.texture.detail_measurement import PhotoDetail, measure_detail
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 

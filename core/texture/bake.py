@@ -44,7 +44,8 @@ from .blend import (
 )
 from .choice import differing_photos, with_photos
 from .delit import delit_photos, telling
-from .detail import Detail, measure_detail
+from .detail import Detail
+from .detail_measurement import measure_detail
 from .light import PhotoLights
 from .views import channel_mean, faces_of, resized
 

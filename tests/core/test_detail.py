@@ -11,11 +11,11 @@ from bsface.texture.detail import (
     Detail,
     displacement_picture,
     normal_picture,
-    slope_equations,
     tangent_normals,
     write_displacement,
     write_normals,
 )
+from bsface.texture.detail_measurement import slope_equations
 from bsface.texture.height import SlopeEvidence, solve_height
 from bsface.texture.views import surface_maps, texel_centres
 from fake_face import displaced_normals, face_surface, painted_reconstruction
