@@ -11,7 +11,7 @@ over several crops and their mirror images.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -19,8 +19,15 @@ import numpy as np
 
 from .crops import CROP_MARGIN, Crop, pyramid, sample, windows_of
 from .face_models import ModelFiles, find_models, intact, load_network
+from .face_proposals import (
+    DETECTOR_SIDE,
+    Proposal,
+    anchor_centres,
+    decode,
+    direction,
+    unlike,
+)
 
-DETECTOR_SIDE = 128
 MESH_SIDE = 192
 # Names of the outputs, and how many numbers each holds: 896 anchors with a box and six
 # points, and their scores; 468 landmarks in three coordinates, and the logit of a face.
@@ -29,13 +36,11 @@ MESH_OUTPUTS = {"conv2d_21": 468 * 3, "conv2d_31": 1}
 # Corners of the eyes: the crop is turned until the line 33-263 is level.
 RIGHT_EYE_OUTER, LEFT_EYE_OUTER = 33, 263
 
-MIN_DETECTOR_SCORE = 0.5
 # Faces of photographs have 0.999 and more, upside down or wrong places mostly
 # less than 0.5.
 MIN_MESH_SCORE = 0.95
 # On the detector's own crop, which may be askew, faces have 1 and more.
 MIN_FIRST_LOGIT = -2.0
-OVERLAP = 0.3
 MAX_PROPOSALS = 12
 
 # Where faces are looked for until one is found: parts of the picture's longer
@@ -90,14 +95,6 @@ class Face:
 
 
 @dataclass(frozen=True, eq=False)
-class _Proposal:
-    """What the detector takes for a face: its crop and the detector's score."""
-
-    crop: Crop
-    score: float
-
-
-@dataclass(frozen=True, eq=False)
 class FaceLandmarks:
     """The 468 landmarks of one face.
 
@@ -143,7 +140,7 @@ class FaceMesh:
                 intact(path)
         self._mirror = np.asarray(mirror, int)
         self._lock = threading.Lock()
-        self._anchors = _anchors()
+        self._anchors = anchor_centres()
         self._detector = load_network(files.detector, DETECTOR_OUTPUTS, DETECTOR_SIDE)
         self._mesh = load_network(files.mesh, MESH_OUTPUTS, MESH_SIDE)
 
@@ -171,7 +168,7 @@ class FaceMesh:
             if min(divisions) > 2 and max(w, h) / min(divisions) < DETECTOR_SIDE / 2:
                 continue
             windows = windows_of(w, h, divisions)
-            proposals: list[_Proposal] = []
+            proposals: list[Proposal] = []
             for angle in angles:
                 for window in windows:
                     check_cancelled()
@@ -179,14 +176,14 @@ class FaceMesh:
                     proposals += self._propose(levels, turned)
             proposals.sort(key=lambda p: -p.score)
             faces: list[Face] = []
-            for proposal in _unlike(proposals)[:MAX_PROPOSALS]:
+            for proposal in unlike(proposals)[:MAX_PROPOSALS]:
                 check_cancelled()
                 face = self._verify(levels, proposal)
                 if face is not None:
                     faces.append(face)
             if faces:
                 faces.sort(key=lambda f: -f.score)
-                return tuple(_unlike(faces))
+                return tuple(unlike(faces))
         return ()
 
     def landmarks(self, image: np.ndarray, face: Face) -> FaceLandmarks:
@@ -226,12 +223,12 @@ class FaceMesh:
         score = float(_sigmoid(float(np.median(logit))))
         return FaceLandmarks(mean, np.sqrt(spread / 2), score)
 
-    def _propose(self, levels: list[np.ndarray], window: Crop) -> list[_Proposal]:
+    def _propose(self, levels: list[np.ndarray], window: Crop) -> list[Proposal]:
         """What the detector takes for faces in a square window."""
         picture = _planes(sample(levels, window, DETECTOR_SIDE)) / 127.5 - 1.0
         boxes, logit = self._forward(self._detector, picture, DETECTOR_OUTPUTS)
         boxes = boxes.reshape(-1, 16).astype(float)
-        return self._decode(boxes, _sigmoid(logit.reshape(-1)), window)
+        return decode(boxes, _sigmoid(logit.reshape(-1)), self._anchors, window)
 
     def _forward(
         self, net: cv2.dnn.Net, picture: np.ndarray, outputs: Iterable[str]
@@ -242,30 +239,7 @@ class FaceMesh:
             net.setInput(picture)
             return tuple(net.forward(tuple(outputs)))
 
-    def _decode(
-        self, raw: np.ndarray, score: np.ndarray, window: Crop
-    ) -> list[_Proposal]:
-        keep = np.flatnonzero(score >= MIN_DETECTOR_SCORE)
-        raw, score = raw[keep], score[keep]
-        anchor = self._anchors[keep] * DETECTOR_SIDE
-        centre, half = raw[:, :2] + anchor, raw[:, 2:4] / 2
-        boxes = np.concatenate([centre - half, centre + half], axis=1)
-        keypoints = raw[:, 4:].reshape(-1, 6, 2) + anchor[:, None]
-        proposals = []
-        for group in _groups(boxes, score):
-            # Weighted suppression: overlapping answers are averaged.
-            weight = score[group] / score[group].sum()
-            box = (weight @ boxes[group]).reshape(2, 2)
-            eyes = np.einsum("k,kpc->pc", weight, keypoints[group])[:2]
-            (middle, right, left) = window.to_image(
-                np.stack([box.mean(axis=0), *eyes]), DETECTOR_SIDE
-            )
-            side = float((box[1] - box[0]).max()) * window.side / DETECTOR_SIDE
-            crop = Crop(middle, side * CROP_MARGIN, _direction(left - right))
-            proposals.append(_Proposal(crop, float(score[group].max())))
-        return proposals
-
-    def _verify(self, levels: list[np.ndarray], proposal: _Proposal) -> Face | None:
+    def _verify(self, levels: list[np.ndarray], proposal: Proposal) -> Face | None:
         """The proposal turned upright by the mesh; None if it is no face."""
         crop = proposal.crop
         crops = [
@@ -319,57 +293,6 @@ class FaceMesh:
         return np.stack(placed), logit
 
 
-def _anchors() -> np.ndarray:
-    """(896, 2) anchor centres of BlazeFace short range, in [0, 1]."""
-    parts = []
-    for cells, repeat in ((16, 2), (8, 6)):
-        at = (np.arange(cells) + 0.5) / cells
-        grid = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
-        parts.append(np.repeat(grid, repeat, axis=0))
-    return np.concatenate(parts)
-
-
-def _overlap(box: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Intersection over union, and over the smaller box."""
-    low = np.maximum(box[:2], boxes[:, :2])
-    high = np.minimum(box[2:], boxes[:, 2:])
-    common = np.prod(np.clip(high - low, 0, None), axis=1)
-    area = np.prod(box[2:] - box[:2])
-    areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
-    tiny = 1e-12
-    return (
-        common / np.maximum(area + areas - common, tiny),
-        common / np.maximum(np.minimum(area, areas), tiny),
-    )
-
-
-def _groups(boxes: np.ndarray, score: np.ndarray) -> Iterator[np.ndarray]:
-    left = np.argsort(-score, kind="stable")
-    while left.size:
-        union, _ = _overlap(boxes[left[0]], boxes[left])
-        same = union > OVERLAP
-        same[0] = True
-        yield left[same]
-        left = left[~same]
-
-
-def _unlike(faces: list) -> list:
-    """Of faces at the same place the first: a tile may show a part of a face."""
-    kept: list = []
-    for face in faces:
-        if kept:
-            boxes = np.stack([other.crop.box() for other in kept])
-            union, smaller = _overlap(face.crop.box(), boxes)
-            if (union > OVERLAP).any() or (smaller > 0.7).any():
-                continue
-        kept.append(face)
-    return kept
-
-
-def _direction(vector: np.ndarray) -> float:
-    return float(np.arctan2(vector[1], vector[0]))
-
-
 def _sigmoid(logit: np.ndarray | float) -> np.ndarray:
     return 1 / (1 + np.exp(-np.clip(np.asarray(logit, float), -80, 80)))
 
@@ -381,7 +304,7 @@ def _planes(picture: np.ndarray) -> np.ndarray:
 
 def _crop_of_landmarks(points: np.ndarray) -> Crop:
     """The square about the landmarks, as upright as the eyes."""
-    turn = _direction(points[LEFT_EYE_OUTER] - points[RIGHT_EYE_OUTER])
+    turn = direction(points[LEFT_EYE_OUTER] - points[RIGHT_EYE_OUTER])
     axes = Crop(np.zeros(2), 1.0, turn).axes()
     upright = points @ axes
     low, high = upright.min(axis=0), upright.max(axis=0)

@@ -9,7 +9,7 @@ import pytest
 from bsface.errors import Cancelled, ReconstructionError
 from bsface.images.folder import list_photos
 from bsface.images.read import read_photo
-from bsface.landmarks import crops
+from bsface.landmarks import crops, face_proposals
 from bsface.landmarks import face_mesh as facemesh
 from bsface.landmarks.face_mesh import FaceMesh
 from bsface.surface.template import load_template
@@ -63,7 +63,7 @@ def difference(mesh, picture, matrix, size, reference) -> float:
 
 
 def test_anchors_are_the_cells_of_two_grids():
-    anchors = facemesh._anchors()
+    anchors = face_proposals.anchor_centres()
     assert anchors.shape == (896, 2)
     np.testing.assert_allclose(anchors[:3] * 16, [[0.5, 0.5], [0.5, 0.5], [1.5, 0.5]])
     np.testing.assert_allclose(anchors[512:519] * 8, [[0.5, 0.5]] * 6 + [[1.5, 0.5]])
@@ -75,7 +75,7 @@ def test_crop_samples_the_pixels_that_it_says():
     y, x = np.mgrid[:200, :240]
     ramp = np.stack([x, y, 0 * x], axis=-1).astype(np.uint8)
     levels = crops.pyramid(ramp)
-    assert max(levels[-1].shape) <= facemesh.DETECTOR_SIDE
+    assert max(levels[-1].shape) <= face_proposals.DETECTOR_SIDE
     for side in (40.0, 100.0, 150.0):
         crop = crops.Crop(np.array([115.0, 97.0]), side, 0.3)
         sample = crops.sample(levels, crop, 32)
