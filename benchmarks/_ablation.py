@@ -19,6 +19,7 @@ import numpy as np
 from _faces import surface_face
 from _methods import Outcome, run
 from _parts import Channel, EqualWeights, estimated_surface, nothing_hidden
+from _reliability import reliability
 from _sets import FaceSet, each_set, load_measure, load_set, score
 from _table import averages, text_table, write_csv
 from bsface.errors import ReconstructionError
@@ -239,9 +240,11 @@ def one_variant(
             outcome = run_parts(variant.parts, some, model, changed)
         if outcome.face is None:
             return {"note": f"failed: {outcome.note}"}
-        results.append(
-            numbers(score(measure, outcome.face, one)) | {"seconds": outcome.seconds}
-        )
+        found = score(measure, outcome.face, one)
+        result = numbers(found) | {"seconds": outcome.seconds}
+        for spread in reliability(one, variant.name, outcome.result, found):
+            result["within"] = float(spread["within 68%"])
+        results.append(result)
     row: dict[str, Any] = {
         k: float(np.mean([r[k] for r in results])) for k in results[0]
     }

@@ -8,6 +8,8 @@ distribution of that width is compared with the interval's probability.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from _sets import FaceSet, Score
 from _table import text_table
@@ -23,7 +25,7 @@ PARTS = 5
 
 def reliability(
     one: FaceSet, method: str, result: Reconstruction | None, found: Score
-) -> list[dict[str, object]]:
+) -> list[dict[str, Any]]:
     """Rows for the table and the page; none if the method states no deviation.
 
     Parameters

@@ -121,6 +121,18 @@ def fewer(rows: list[Row]) -> str:
     return by_set([{**row, "method": row["variant"]} for row in rows])
 
 
+def fewer_within(rows: list[Row]) -> str:
+    """Share of the area within one standard deviation: a row a number of photos."""
+    sets = list(dict.fromkeys(row["set"] for row in rows))
+    lines = []
+    for name in dict.fromkeys(row["variant"] for row in rows if row["within"]):
+        own = [row for row in rows if row["variant"] == name]
+        line: dict[str, object] = {"variant": name, "mean": mean_of(own, "within")}
+        lines.append(line | {row["set"]: row["within"] for row in own})
+    columns = [(name, name, ".0%") for name in [*sets, "mean"]]
+    return markdown(lines, [("variant", "within 68%")], columns)
+
+
 def ablation(rows: list[Row]) -> str:
     """A row an ingredient, averaged over the sets, with the change it makes."""
     lines = []
@@ -274,6 +286,7 @@ TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "sets": ("accuracy/accuracy.csv", by_set),
     "methods": ("accuracy/accuracy.csv", by_method),
     "fewer": ("fewer/ablation.csv", fewer),
+    "fewer-within": ("fewer/ablation.csv", fewer_within),
     "ablation": ("accuracy/ablation.csv", ablation),
     "error-budget": ("error_budget/error_budget.csv", budget),
     "reliability": ("accuracy/reliability.csv", reliability),

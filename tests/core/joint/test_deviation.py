@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bsface.solve.joint.marginal import displacement_deviation
-from bsface.solve.joint.method import MODEL_ERROR_MM, model_error
+from bsface.solve.joint.method import model_error
 from bsface.solve.joint.options import JointOptions
 from joint_dense import full_system
 
@@ -33,9 +33,16 @@ def test_deviation_with_an_albedo_that_splines_do_not_span(case, prior):
 
 def test_what_the_matrix_cannot_know_grows_with_the_noise_of_mixed_expressions():
     noise = 0.06 * np.array([[0.5], [1.5], [2.5]])
-    assert model_error(noise, 0.06, mixed=False) == MODEL_ERROR_MM
-    found = model_error(noise, 0.06, mixed=True)
-    assert found > MODEL_ERROR_MM
-    assert model_error(2 * noise, 0.06, mixed=True) == pytest.approx(4 * found)
-    assert model_error(2 * noise, 0.12, mixed=True) == pytest.approx(found)
-    assert model_error(0.001, 0.06, mixed=True) == MODEL_ERROR_MM
+    plain = model_error(noise, 0.06, photos=40, mixed=False)
+    found = model_error(noise, 0.06, photos=40, mixed=True)
+    assert found > plain
+    double = model_error(2 * noise, 0.06, photos=40, mixed=True)
+    assert double == pytest.approx(4 * found)
+    assert model_error(2 * noise, 0.12, photos=40, mixed=True) == pytest.approx(found)
+    assert model_error(0.001, 0.06, photos=40, mixed=True) == plain
+
+
+def test_what_the_matrix_cannot_know_is_less_the_more_photos_there_are():
+    errors = [model_error(0.06, 0.06, photos=n, mixed=False) for n in (5, 20, 40, 320)]
+    assert errors[0] == pytest.approx(2 * errors[1])
+    assert errors[1] > errors[2] == errors[3]  # not measured for more
