@@ -6,35 +6,18 @@ import zipfile
 
 import numpy as np
 import pytest
-from bsface import __main__
 from bsface.cli import batch
 from bsface.errors import ReconstructionError
 from bsface.landmarks import model_fetching
+from command_line import QUICK, run
 from executors import InThisProcess
 from fake_face import painted_reconstruction, person_folder
-
-QUICK = [
-    "--set=method=motion",
-    "--set=control_points=10,11",
-    "--set=detector=false",
-]
 
 
 @pytest.fixture(scope="module")
 def face(tmp_path_factory):
     path = tmp_path_factory.mktemp("face") / "face.npz"
     return painted_reconstruction(count=2, side=60).save(path)
-
-
-def run(capsys, *words) -> tuple[int, str, str]:
-    """Exit code, what was printed, what was said on stderr."""
-    try:
-        code = __main__.main([str(w) for w in words])
-    except SystemExit as end:  # argparse
-        code = end.code
-    said = capsys.readouterr()
-    assert "Traceback" not in said.err
-    return code, said.out, said.err
 
 
 # --- export --------------------------------------------------------------------------
