@@ -68,7 +68,7 @@ class Texture:
         False where no photo sees the place: filled from around it.
     residual : (C, C) float32 array
         Mean relative difference between the photos and the relit albedo; NaN where not
-        measured.
+        measured, and where one photo alone does, which agrees with itself.
     photos_seen : (C, C) float32 array
         How many of its photos count at each place.
     photos : tuple of int
@@ -144,6 +144,7 @@ def bake_texture(
     coarse, neutral = delit.colours, delit.neutral
     measured = measured_places(weight)
     counts = (weight > 0.15 * np.percentile(weight, 99)).sum(axis=0)
+    compared = measured & ((weight > 0).sum(axis=0) > 1)
     average = weight
     # The weights know the expression; it matters for the mouth, hardly for the eyes.
     front = _frontality(reconstruction.cameras)
@@ -194,7 +195,7 @@ def bake_texture(
         albedo=albedo,
         mean=albedo * resized(mean_light, size),
         measured=measured_fine,
-        residual=np.where(measured, residual, np.nan).astype(np.float32),
+        residual=np.where(compared, residual, np.nan).astype(np.float32),
         photos_seen=counts.astype(np.float32),
         lights=delit.lights,
         photos=tuple(chosen),

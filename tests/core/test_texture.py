@@ -17,6 +17,7 @@ from bsface.surface.template import load_template
 from bsface.texture import bake as texture
 from bsface.texture import views as texture_views
 from bsface.texture.blend import explained
+from bsface.texture.choice import with_photos
 from bsface.texture.light import PhotoLights, estimate_lights, light_maps
 from fake_face import (
     bare_reconstruction,
@@ -242,6 +243,12 @@ def test_places_that_no_photo_sees_are_filled_and_marked(painted):
     assert np.isfinite(found.albedo).all() and (found.albedo >= 0).all()
     filled = found.albedo[~found.measured]
     assert (filled.mean(axis=1) > 0.05).mean() > 0.95
+
+
+def test_a_photo_alone_is_not_compared_with_itself(painted, baked):
+    assert np.isfinite(baked.residual).any()
+    alone = texture.bake_texture(with_photos(painted, [0]), SIZE)
+    assert alone.measured.any() and np.isnan(alone.residual).all()
 
 
 def test_written_texture_has_its_rows_and_its_mask(tmp_path, baked):
