@@ -31,7 +31,7 @@ def photo_meshes(collection: PhotoCollection) -> Array:
 
     Parameters
     ----------
-    gathered : Gathered
+    collection : PhotoCollection
         With landmarks of the scheme "468", from which the crops are made.
 
     Returns

@@ -11,7 +11,7 @@ from bpy.props import StringProperty
 from .. import __package__ as base_package
 from . import manual
 
-# Where the core looks first for the model files (core/landmarks/face_mesh.py).
+# Where the core looks first for the model files (core/landmarks/face_models.py).
 VARIABLE = "BSFACE_MODELS"
 
 

@@ -5,8 +5,9 @@ Boxes and eyes about anchors become upright crops, one for each place.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -15,6 +16,18 @@ from .crops import CROP_MARGIN, Crop
 DETECTOR_SIDE = 128
 MIN_DETECTOR_SCORE = 0.5
 OVERLAP = 0.3
+
+
+class Cropped(Protocol):
+    """What is seen in a crop of the picture."""
+
+    @property
+    def crop(self) -> Crop:
+        """Where."""
+        ...
+
+
+CroppedT = TypeVar("CroppedT", bound=Cropped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +110,9 @@ def _overlap(box: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray
     )
 
 
-def unlike(faces: list) -> list:
+def unlike(faces: Sequence[CroppedT]) -> list[CroppedT]:
     """Of faces at the same place the first: a tile may show a part of a face."""
-    kept: list = []
+    kept: list[CroppedT] = []
     for face in faces:
         if kept:
             boxes = np.stack([other.crop.box() for other in kept])

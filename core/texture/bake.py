@@ -1,6 +1,6 @@
 """The face's skin on its own (u, v): de-lit albedo and mean texture from all photos.
 
-Each photo is divided by its own light (:mod:`.texture_light`), which also balances
+Each photo is divided by its own light (:mod:`.light`), which also balances
 exposure and colour. What is left is blended in two bands (Burt and Adelson 1983;
 Baumberg 2002): the coarse band is a robust mean over all photos, so no seam can appear
 where one photo ends; the fine band favours the photos that see a place best and agree
@@ -8,7 +8,7 @@ with the others, so a shifted photo leaves no ghost. Where details disagree in a
 (gaze, hair, lips) one typical photo is taken instead of the smear of all. Texels that
 no photo sees are filled smoothly and marked.
 
-Pictures over (u, v): row 0 is v = 0, the top; see :mod:`.texture_views`. In Blender the
+Pictures over (u, v): row 0 is v = 0, the top; see :mod:`.views`. In Blender the
 surface's ``UVMap`` has the core's v, and Blender counts picture rows from the bottom:
 give the image texture a Mapping node with scale (1, -1, 1) and location (0, 1, 0). In
 exported files v is turned round already, so the picture fits as it is.

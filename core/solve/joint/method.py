@@ -22,7 +22,7 @@ from .terms import default_terms
 # Added in quadrature it brings the stated deviation near the truth on the sets with
 # ground truth (reliability tables of the accuracy page).  It is other in each photo, so
 # the mean over the photos has less of it, as far as that was measured.
-MODEL_ERROR_MM = 1.4
+MODEL_ERROR_MM = 1.25
 MEASURED_PHOTOS = 40
 # The same where expressions differ, for photos of the usual noise: what the expression
 # modes do not span is in the residuals too, and counts with their square.
