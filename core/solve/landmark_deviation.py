@@ -35,7 +35,8 @@ def landmark_deviation(problem: Problem, estimate: FaceEstimate) -> Array:
     model = LandmarkModel.of(problem.template, prior, seen, options)
     expressions = estimate.expressions[:, : model.E.shape[2]]
     moved = estimate.landmarks_xyz - model.start
-    posterior = inverse(model.linearise(estimate.cameras, moved, expressions).precision)
+    given = model.linearise(estimate.cameras, moved, expressions).precision
+    posterior = inverse(given + 1e-9 * np.eye(len(given)))
     shape = NormalDisplacement.of(surface, problem.template)
     before, coupling = shape.covariance(prior, seen.uv)
     taken = coupling @ model.precision
