@@ -99,9 +99,7 @@ class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operato
         )
 
     def deliver(self, context, request, outcome):
-        face = self.updated(context)
-        if face is None:
-            raise ReconstructionError(messages.FACE_GONE)
+        face = self.kept(context)
         from ...core.solve.expression import expression_of
         from ...core.surface.template import load_template
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from ...core.errors import ReconstructionError
 from ...core.rig.arkit import arkit_keys
 from ...core.rig.head import full_head
 from ...core.rig.mesh import quad_mesh
@@ -91,9 +90,7 @@ class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operat
         return mesh_copy.local_mesh(made, request.unit)
 
     def deliver(self, context, request, outcome):
-        face = self.updated(context)
-        if face is None:
-            raise ReconstructionError(messages.FACE_GONE)
+        face = self.kept(context)
         with scene.all_or_nothing(context):
             made = mesh_copy.add(face, outcome)
         self.report({"INFO"}, messages.MESH.format(count=len(made.data.polygons)))
@@ -155,9 +152,7 @@ class BSFACE_OT_full_head(ChangingOperator, LongOperator, bpy.types.Operator):
         return mesh_copy.local_mesh(head, request.unit), picture, detail
 
     def deliver(self, context, request, outcome):
-        face = self.updated(context)
-        if face is None:
-            raise ReconstructionError(messages.FACE_GONE)
+        face = self.kept(context)
         head, picture, detail = outcome
         with scene.all_or_nothing(context):
             skin = mesh_copy.head_skin(face, picture, detail)
@@ -180,9 +175,7 @@ class BSFACE_OT_arkit_keys(ChangingOperator, LongOperator, bpy.types.Operator):
         return arkit_keys(request.read())
 
     def deliver(self, context, request, outcome):
-        face = self.updated(context)
-        if face is None:
-            raise ReconstructionError(messages.FACE_GONE)
+        face = self.kept(context)
         with scene.all_or_nothing(context), surface_object.object_mode(context):
             photo_expression.hide(face)
             # On the net as it is now: it may have been edited meanwhile.

@@ -46,6 +46,13 @@ class LongOperator:
         """
         return scene.face_with(context, self._face)
 
+    def kept(self, context: bpy.types.Context) -> bpy.types.Object:
+        """The face that the job is for; a failure where it is gone."""
+        face = self.updated(context)
+        if face is None:
+            raise ReconstructionError(messages.FACE_GONE)
+        return face
+
     def begin_for(self, context: bpy.types.Context) -> Request:
         """Remember the face that the job is for; the request."""
         face = self.chosen(context)

@@ -6,7 +6,6 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
-from ...core.errors import ReconstructionError
 from ...core.problem import Constraint
 from ...core.surface.bspline import resampled_net
 from .. import (
@@ -96,9 +95,7 @@ class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator
         )
 
     def deliver(self, context, request, outcome):
-        face = self.updated(context)
-        if face is None:
-            raise ReconstructionError(messages.FACE_GONE)
+        face = self.kept(context)
         apply_result(context, request, outcome, face=face, select=self.undisturbed)
         self.report({"INFO"}, messages.done(face, outcome.result.reports))
 

@@ -7,6 +7,8 @@ place and direction do not: those of a result are a convention (`head_frame`).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .._types import Array
@@ -36,7 +38,7 @@ def landmark_deviation(problem: Problem, estimate: FaceEstimate) -> Array:
     expressions = estimate.expressions[:, : model.E.shape[2]]
     moved = estimate.landmarks_xyz - model.start
     given = model.linearise(estimate.cameras, moved, expressions).precision
-    posterior = inverse(given + 1e-9 * np.eye(len(given)))
+    posterior = inverse(given)
     shape = NormalDisplacement.of(surface, problem.template)
     before, coupling = shape.covariance(prior, seen.uv)
     taken = coupling @ model.precision
@@ -50,6 +52,7 @@ def landmark_deviation(problem: Problem, estimate: FaceEstimate) -> Array:
     return deviation
 
 
+@dataclass(frozen=True, eq=False)
 class NormalDisplacement:
     """Displacements of control points along their normals, without similarities.
 
@@ -64,8 +67,9 @@ class NormalDisplacement:
         control points of the face.
     """
 
-    def __init__(self, normals: Array, similarity: Array, fit: Array) -> None:
-        self.normals, self.similarity, self.fit = normals, similarity, fit
+    normals: Array
+    similarity: Array
+    fit: Array
 
     @classmethod
     def of(cls, surface: BSplineSurface, template: Template) -> NormalDisplacement:

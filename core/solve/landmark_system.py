@@ -127,6 +127,7 @@ class LandmarkModel:
                 halves.clear()
             squares += float((rows.weight * rows.distance**2).sum())
             weights += float(rows.weight.sum())
+        H += 1e-9 * np.eye(len(H))
         return LandmarkSystem(
             H, g, blocks, float(np.sqrt(squares / max(weights, 1e-30)))
         )

@@ -131,7 +131,7 @@ def estimate_motion(
     m, e = np.zeros((f, 3)), np.zeros((n, model.E.shape[2]))
     for iteration in range(options.iterations):
         H, g, blocks, residual = model.linearise(cameras, m, e, check_cancelled)
-        dm = cho_solve(cho_factor(H + 1e-9 * np.eye(len(H))), g)
+        dm = cho_solve(cho_factor(H), g)
         m = m + dm.reshape(f, 3)
         for i, block in enumerate(blocks):
             step = block.back_substitute(dm)

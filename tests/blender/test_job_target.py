@@ -33,6 +33,7 @@ def begun(operator, **properties):
 
     class Begun(running.LongOperator):
         prepare, deliver = operator.prepare, operator.deliver
+        chosen = operator.chosen
 
         @staticmethod
         def work(solver, request, progress):
@@ -105,20 +106,11 @@ def test_a_new_face_stays_new_though_another_one_became_active(two):
     before = {obj.session_uid for obj in bpy.context.scene.objects}
     kept = faces.points(face), faces.points(other)
 
-    class Begun(running.LongOperator):
-        prepare, deliver = reconstruct.prepare, reconstruct.deliver
-        chosen, work = reconstruct.chosen, reconstruct.work
-        directory = name = settings = ignore = ""
-        control_points_u = control_points_v = 0
-        separate = False
-
-        def report(self, kind, text):
-            self.said = text
-
-    one = Begun()
-    assert one.start(Window()) == {"RUNNING_MODAL"}
+    texts = dict.fromkeys(("directory", "name", "settings", "ignore"), "")
+    net = {"control_points_u": 0, "control_points_v": 0}
+    one, go = begun(reconstruct, separate=False, **texts, **net)
     bpy.context.view_layer.objects.active = other
-    assert until_end(one, Window()) == {"FINISHED"}, one.said
+    assert end(one, go) == {"FINISHED"}, one.said
     assert state.face.session_uid not in before
     np.testing.assert_array_equal(faces.points(face), kept[0])
     np.testing.assert_array_equal(faces.points(other), kept[1])

@@ -20,9 +20,9 @@ from bsface.files import replacing, write_bytes
 from bsface.report import report
 from bsface.texture.bake import bake_texture
 from fake_face import painted_reconstruction, person_folder
+from needs import needs_signals
 
 ROOT = Path(__file__).resolve().parents[2]
-POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
 
 def tool():
@@ -93,7 +93,7 @@ def test_failure_inside_the_block_keeps_the_old_file(tmp_path):
 # --- signals -------------------------------------------------------------------------
 
 
-@POSIX
+@needs_signals
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_signals_interrupt_and_come_back(name):
     number = getattr(signal, name)
@@ -127,7 +127,7 @@ class StoppedInDel:
         time.sleep(0)
 
 
-@POSIX
+@needs_signals
 @pytest.mark.parametrize("kind", [HalfMade, StoppedInDel])
 def test_nothing_is_printed_about_what_an_interrupt_left(kind, capfd):
     found = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -149,7 +149,7 @@ def test_nothing_is_printed_about_what_an_interrupt_left(kind, capfd):
     assert capfd.readouterr().err == ""
 
 
-@POSIX
+@needs_signals
 def test_what_others_handle_stays():
     """``nohup``, and programs with handlers of their own."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -161,7 +161,7 @@ def test_what_others_handle_stays():
         signal.signal(signal.SIGHUP, before)
 
 
-@POSIX
+@needs_signals
 def test_other_threads_leave_signals_alone():
     inside = []
 
@@ -175,7 +175,7 @@ def test_other_threads_leave_signals_alone():
     assert inside == [signal.getsignal(signal.SIGTERM)]
 
 
-@POSIX
+@needs_signals
 def test_batch_that_is_interrupted_leaves_whole_files_only(tmp_path):
     """Ctrl-C reaches the workers too; none of them says a word."""
     faults = tool()

@@ -3,15 +3,12 @@
 Pictures are given by a formula, so that intensities are exact at any place.
 """
 
-import functools
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import reference
 from bsface.camera.camera import Camera
 from bsface.landmarks.observations import LandmarkObservations
-from bsface.photometry import harmonics
 from bsface.problem import FaceEstimate, PhotoCollection, Problem
 from bsface.progress import never_cancelled
 from bsface.settings import Settings
@@ -20,59 +17,12 @@ from bsface.solve.joint.refine import JointParts
 from bsface.solve.joint.samples import contravariant, sample_grid
 from bsface.solve.joint.state import DisplacementModel
 from bsface.solve.paper.imls import ShapeSolver, SlopeField, imls, schedule
-from bsface.surface.bspline import BSplineSurface, basis_matrix
+from bsface.surface.bspline import basis_matrix
 from bsface.surface.prior import shape_prior
+from domes import PictureOfADome, bumped, dome, relief
 from few_modes import few_modes
+from joint_waves import SHAPE
 from scipy import sparse
-
-SHAPE = (8, 9)
-
-
-@dataclass(frozen=True)
-class PictureOfADome:
-    """What a frontal, orthographic camera sees of a shaded dome of one colour."""
-
-    camera: Camera
-    light: np.ndarray
-
-    def value(self, xy):
-        x, y = ((xy - self.camera.principal) / self.camera.s).T
-        u, v = np.clip([(x + 70) / 140, (90 + y) / 190], 0, 1)
-        return harmonics.basis(dome().normals(u, v)) @ self.light
-
-    def read(self, xy):
-        slope = reference.numerical_derivative(lambda e: self.value(xy + e), 2, 1e-3)
-        return self.value(xy)[:, None], slope[:, None], np.ones(len(xy), bool)
-
-    def around(self, xy, margin):
-        return self
-
-
-@functools.cache
-def dome():
-    """x and y linear in the parameters, z a paraboloid."""
-    corners = {(0, 0): (-70, 90, 0), (1, 0): (140, 0, 200), (2, 0): (0, 0, -200)}
-    more = {(0, 1): (0, -190, 220), (0, 2): (0, 0, -220)}
-    return BSplineSurface(reference.polynomial_control_points(SHAPE, corners | more))
-
-
-def bumped(height):
-    """The dome with a bump in its middle, too narrow to be taken for a light."""
-    b = dome().control_points.copy()
-    b[SHAPE[0] // 2, SHAPE[1] // 2, 2] += height
-    return BSplineSurface(b)
-
-
-def relief(surface, uv):
-    """Size of what is left of the error in z without its smooth part, mm.
-
-    Photos leave a smooth part open: it belongs to cameras, lights and albedo.
-    """
-    error = (surface.evaluate(*uv.T) - dome().evaluate(*uv.T))[:, 2]
-    u, v = uv.T
-    smooth = np.stack([u**i * v**j for i in range(4) for j in range(4 - i)], 1)
-    rest = error - smooth @ np.linalg.lstsq(smooth, error, rcond=None)[0]
-    return np.sqrt((rest**2).mean())
 
 
 @pytest.fixture(scope="module")
@@ -179,14 +129,14 @@ def test_surface_comes_back(template):
         *_, end = imls(problem, estimate, never_cancelled, parts)
         return end.estimate.surface
 
-    assert relief(last(dome(), 2), uv) < 0.3
-    begin = bumped(8.0)
-    assert relief(begin, uv) > 0.4
-    assert relief(last(begin, 10), uv) < 0.5 * relief(begin, uv)
+    assert relief(last(dome(), 2), dome(), uv) < 0.3
+    begin = bumped(dome(), 8.0)
+    assert relief(begin, dome(), uv) > 0.4
+    assert relief(last(begin, 10), dome(), uv) < 0.5 * relief(begin, dome(), uv)
 
 
 def test_iterations_are_those_of_the_table_of_methods(template, prior):
-    problem, begin, reader = scene(template, prior, bumped(8.0), 4)
+    problem, begin, reader = scene(template, prior, bumped(dome(), 8.0), 4)
     raised = replace(begin, landmarks_xyz=begin.landmarks_xyz + (0, 0, 2.0))
     levels = (Level(3.0, 1, 8, 2), Level(2.0, 2, 9, 2))
     parts = JointParts(JointOptions(levels, max_step_mm=0.5), reader, skin=())

@@ -21,6 +21,7 @@ from bsface.formats.mesh import write_mesh_obj
 from bsface.report.log_file import log_file
 from bsface.report.outputs import check_outputs, files_of
 from bsface.surface.template import load_template
+from needs import needs_full_device
 from permissions import as_ordinary_user
 
 
@@ -157,9 +158,8 @@ def test_a_pipe_or_a_device_is_no_file_to_read(tmp_path, load):
             load(path)
 
 
+@needs_full_device
 def test_a_log_on_a_full_disk_is_a_sentence(capfd):
-    if not os.path.exists("/dev/full"):
-        pytest.skip("needs /dev/full")
     with (
         pytest.raises(ReconstructionError, match=r"the log cannot be written \(No sp"),
         log_file(Path("/dev/full"), "test") as log,

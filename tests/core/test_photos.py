@@ -15,6 +15,7 @@ from bsface.images.photo import Photo
 from bsface.images.read import read_photo
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from needs import needs_permissions
 from pictures_for_tests import encoded
 
 # 40 x 32 pixels each, made once with Pillow; red is (200, 30, 30).
@@ -235,10 +236,7 @@ def test_missing_folder_and_pipe_and_loop(tmp_path):
         assert "regular" in read_photo(tmp_path / "pipe.jpg").reason
 
 
-@pytest.mark.skipif(
-    not hasattr(os, "geteuid") or os.geteuid() == 0,
-    reason="root may read everything",
-)
+@needs_permissions
 def test_unreadable_permission(tmp_path):
     path = tmp_path / "secret.jpg"
     path.write_bytes(encoded(".jpg", corners_picture()))

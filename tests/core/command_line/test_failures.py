@@ -9,6 +9,7 @@ import sys
 import pytest
 from bsface.errors import Cancelled, ReconstructionError
 from command_line import QUICK, run
+from needs import needs_permissions, needs_signals
 
 # --- it is called wrongly: exit code 2 -----------------------------------------------
 
@@ -71,7 +72,7 @@ def test_name_that_is_too_long(capsys, photos, tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may")
+@needs_permissions
 def test_folder_without_permission(capsys, photos, tmp_path):
     tmp_path.chmod(0o500)
     code, _, said = run(capsys, photos, "-o", tmp_path / "a.npz", *QUICK)
@@ -134,7 +135,7 @@ def test_wrong_folder(capsys, tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@needs_signals
 @pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM", "SIGKILL"])
 def test_stopped_from_outside(photos, tmp_path, stop):
     """In the middle of the work: the old file stays, and nothing else is there."""

@@ -7,10 +7,8 @@ import sys
 
 import pytest
 from command_line import QUICK
+from needs import needs_full_device
 
-needs_full_device = pytest.mark.skipif(
-    not os.path.exists("/dev/full"), reason="needs /dev/full"
-)
 SAYS = "from bsface.cli import terminal; import sys\n"
 
 
