@@ -188,7 +188,7 @@ def _write(bpy, output, outcome, options):
     if options.npz:
         written.append(outcome.result.save(options.npz))
     if options.report:
-        from ..core.report.report import write_report
+        from ..core.report.report import report_files, write_report
 
         page = write_report(
             options.report,
@@ -196,7 +196,7 @@ def _write(bpy, output, outcome, options):
             title=options.name or None,
             texture=outcome.texture,
         )
-        written.append(page)
+        written += report_files(page)
     return [str(path) for path in written]
 
 

@@ -51,6 +51,18 @@ def test_no_photo_is_written_over(addon, solved, tmp_path, capfd):
     assert photo.read_bytes() == before and not (tmp_path / "a.blend").exists()
 
 
+def test_json_names_all_files_of_the_page(addon, solved, tmp_path, capfd, monkeypatch):
+    def drawn(path, *_, **options):
+        return Path(path)
+
+    monkeypatch.setattr(load("core.report.report"), "write_report", drawn)
+    files = [str(tmp_path / name) for name in ("a.blend", "a.html", "a.json", "a.png")]
+    given = [str(tmp_path / "photos"), files[0], "--report", files[1], "--json"]
+    assert headless.main(given) == 0
+    said = json.loads(capfd.readouterr().out.splitlines()[-1])
+    assert said["files"] == files
+
+
 def test_json_and_info(addon, solved, tmp_path, capfd):
     blend = tmp_path / "ann.blend"
     given = ["reconstruct", str(tmp_path / "photos"), "-o", str(blend), "--json"]
