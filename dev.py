@@ -7,7 +7,7 @@
     python3 dev.py setup    make .venv and fetch the face models, nothing else
     python3 dev.py build    the extension's zips into dist/
     python3 dev.py bench    the scripts of benchmarks/
-    python3 dev.py docs     the pictures and numbers of docs/
+    python3 dev.py docs     the tables and pictures of docs/, and the reference
 
 Everything is installed into .venv inside the checkout (and .venv-5.2 or .venv-4.5
 for the other Blender line, .venv-lowest and .venv-newest for the wheel); the face

@@ -2,7 +2,7 @@
 """Real photos of several people, without ground truth.
 
     python benchmarks/real_photos.py                       all people of the folder
-    python benchmarks/real_photos.py --people Colin_Powell George_W_Bush
+    python benchmarks/real_photos.py --people NAME NAME     two of them
     python benchmarks/real_photos.py --parts halves        only this question
     python benchmarks/real_photos.py --setting modes=0.5   with another default
 

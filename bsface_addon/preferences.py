@@ -28,8 +28,8 @@ class BSFACE_AP_preferences(bpy.types.AddonPreferences):
 
     models: StringProperty(
         name="Model Files",
-        description="Folder with the face detector's .tflite files; empty: the ones "
-        "that came with the extension",
+        description="Folder with the face models; empty: those that came with the "
+        "extension",
         subtype="DIR_PATH",
         update=tell_core,
     )

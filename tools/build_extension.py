@@ -1,11 +1,10 @@
 """Build the Blender extension: one zip per platform and Python, into dist/.
 
 A zip holds the add-on, the core, the wheels of SciPy, OpenCV and the readers of HEIC
-and AVIF for one platform and one Python, the two face model files, and the pages of
-the documentation for people at Blender, so that nothing is downloaded after the
-installation. NumPy is Blender's own. Blender 4.5
-to 5.0 have Python 3.11, 5.1 and later 3.13; a zip for both would break in some
-versions, hence two.
+and AVIF for one platform and one Python, the face models, and the pages of the
+documentation for people at Blender, so that nothing is downloaded after the
+installation. NumPy is Blender's own. Blender 4.5 to 5.0 have Python 3.11, 5.1 and later
+3.13; a zip for both would break in some versions, hence two.
 
     python tools/build_extension.py                                 all of them
     python tools/build_extension.py --platform linux-x64 --python 3.11

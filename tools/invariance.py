@@ -3,8 +3,8 @@
     python tools/invariance.py PHOTOS [PHOTOS ...] --photos 12
 
 For each folder: the photos in another order and under other names, one of them twice,
-turned with an EXIF tag that turns them back, brighter and darker, with another gamma,
-stored again as JPEG, and mirrored (against the mirrored face). Prints the table of
+turned with an EXIF tag that turns them back and stored again as JPEG, darker, with
+another gamma, and mirrored (against the mirrored face). Prints the table of
 docs/robustness.md: the mean distance between the two faces, in % of the eye distance,
 and between their normals.
 """
