@@ -47,6 +47,9 @@ def main() -> None:
     p.add_argument("--out", type=Path, default=ROOT / "out" / "drawn")
     options = p.parse_args()
     kinds = options.people or [SHARED / "lfw", SHARED / "athletes", EVAL]
+    for kind in kinds:
+        if not kind.is_dir():
+            p.error(f"{kind} is no folder; name one with --people.")
     told: dict[str, dict[str, list[bool]]] = {name: {} for name in STYLES}
     for kind in kinds:
         for person in sorted(p for p in kind.iterdir() if p.is_dir()):

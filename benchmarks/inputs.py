@@ -192,7 +192,10 @@ def main() -> None:
     cv2.setNumThreads(1)
     given: FaceSet | None = None
     folder = ROOT / "examples" / "photos"
-    if (options.data / options.set).is_dir():
+    wanted = options.data / options.set
+    if options.set != p.get_default("set") and not wanted.is_dir():
+        p.error(f"{wanted} is no folder; name that of the sets with --data.")
+    if wanted.is_dir():
         given = load_set(options.data, options.set)
         folder = given.photos
     paths = list_photos(folder)

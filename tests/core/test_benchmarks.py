@@ -349,3 +349,19 @@ def test_outlier_identities_are_counted(own, other):
     assert row["wrong"] == row["wrong_most"] == row["wrong_folders"] == 0
     assert row["doubts"] == 0
     assert row["found"] == row["found_or_doubt"] == (100 if other else "")
+
+
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("inputs", ["--data", "nowhere", "--set", "ann/S1", "--only", "photos"]),
+        ("drawn", ["--people", "nowhere"]),
+    ],
+)
+def test_a_set_that_is_not_there_is_refused(name, words, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [name, *words])
+    with pytest.raises(SystemExit) as ended:
+        importlib.import_module(name).main()
+    assert ended.value.code == 2
+    assert "is no folder" in capsys.readouterr().err
