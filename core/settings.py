@@ -51,7 +51,7 @@ class Settings:
         Algorithm 1 with robust ingredients; "paper": Algorithm 1 as printed; "motion":
         landmarks only.
     control_points : (int, int)
-        Size M x N of the net, each at least 8.
+        Size M x N of the net, each from 8 to 120.
     eye_distance_mm : float
         Distance between the eye centres of the result; photos have no scale.
     landmarks : str
