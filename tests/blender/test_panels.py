@@ -160,7 +160,7 @@ def test_time_left(seconds, text):
 
 def test_long_names_lose_their_beginning(addon):
     panel_base = load("bsface_addon.panel_base")
-    name = "George_W_Bush_of_the_United_States_0012.jpg"
+    name = "a_photo_with_a_very_long_name_of_its_own_0012.jpg"
     short = panel_base.shortened(bpy.context, name, 150)
     assert short.startswith("\N{HORIZONTAL ELLIPSIS}") and short.endswith("0012.jpg")
     assert panel_base.shortened(bpy.context, "1.jpg", 150) == "1.jpg"
@@ -182,7 +182,7 @@ def test_words_of_a_row_leave_room_for_its_name(addon, wide, expression, status)
         assert (word, said) == (messages.photo_status(status)[0], expression)
     if wide == 180:
         assert (word, said) == ("", "")
-    text = load("bsface_addon.panel_base").shortened(context, "George_01.jpg", taken)
+    text = load("bsface_addon.panel_base").shortened(context, "portrait_01.jpg", taken)
     assert text.endswith("1.jpg")
 
 
