@@ -6,8 +6,9 @@
     python -m bsface info FACE.npz [--json]
     python -m bsface models [fetch]
 
-``OUT`` may be any format that a face can leave in (``.npz``, ``.step``, ``.igs``,
-``.obj``, ``.ply``, ``.3dm``); give ``-o`` more than once for several.
+The ending of ``OUT`` is the format: ``.npz``, ``.step``, ``.igs``, ``.3dm``, ``.obj``,
+``.nurbs.obj``, ``.ply``, ``.glb``, ``.stl`` or ``.3mf``; give ``-o`` more than once for
+several.
 Exit codes: 0 done, 1 the job failed, 2 the call is wrong, 130 interrupted.
 """
 
