@@ -51,18 +51,6 @@ def test_no_photo_is_written_over(addon, solved, tmp_path, capfd):
     assert photo.read_bytes() == before and not (tmp_path / "a.blend").exists()
 
 
-def test_json_names_all_files_of_the_page(addon, solved, tmp_path, capfd, monkeypatch):
-    def drawn(path, *_, **options):
-        return Path(path)
-
-    monkeypatch.setattr(load("core.report.report"), "write_report", drawn)
-    files = [str(tmp_path / name) for name in ("a.blend", "a.html", "a.json", "a.png")]
-    given = [str(tmp_path / "photos"), files[0], "--report", files[1], "--json"]
-    assert headless.main(given) == 0
-    said = json.loads(capfd.readouterr().out.splitlines()[-1])
-    assert said["files"] == files
-
-
 def test_json_and_info(addon, solved, tmp_path, capfd):
     blend = tmp_path / "ann.blend"
     given = ["reconstruct", str(tmp_path / "photos"), "-o", str(blend), "--json"]
@@ -158,7 +146,7 @@ def test_as_a_script_on_real_photos(tmp_path, example_photos):
     blend = tmp_path / "face.blend"
     run = subprocess.run(
         [sys.executable, SCRIPT, "--", photos, blend, "--method", "motion"]
-        + ["--texture", "512", "--json"],
+        + ["--texture", "512", "--json", "--report", tmp_path / "page.html"],
         capture_output=True,
         text=True,
         timeout=400,
@@ -166,6 +154,8 @@ def test_as_a_script_on_real_photos(tmp_path, example_photos):
     assert run.returncode == 0, run.stderr
     said = json.loads(run.stdout.splitlines()[-1])
     assert [photo["status"] for photo in said["report"]] == ["used"] * 5
+    page = [str(tmp_path / f"page.{ending}") for ending in ("html", "json", "png")]
+    assert said["files"] == [str(blend), *page]
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     (face,) = [obj for obj in bpy.data.objects if scene.is_face(obj)]
     report = scene.stored(face, load("bsface_addon.stored_facts").REPORT, [])

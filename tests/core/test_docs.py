@@ -141,29 +141,6 @@ def test_every_failure_code_is_explained():
     assert not [row for row in rows if row not in text]
 
 
-def sentences_of_the_code() -> str:
-    """All texts of library, add-on and benchmarks, a line each."""
-    found = []
-    for folder in ("core", "bsface_addon", "benchmarks"):
-        for path in (ROOT / folder).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-                if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                    found.append(node.value)
-    return "\n".join(found).replace("`", "")
-
-
-def test_quoted_messages_are_those_of_the_code():
-    """What stands between the names and numbers of a quoted message is in the code."""
-    text = (DOCS / "troubleshooting.md").read_text("utf-8")
-    code, strange = sentences_of_the_code(), []
-    for quote in re.findall(r"^> (.*)$", text, re.MULTILINE):
-        parts = re.split(r"\*[^*]+\*", quote.replace("`", ""))
-        # The verb of "FILE is ..." may stand apart in the code.
-        bare = [part.strip().removeprefix("is ").strip(".,;:() ") for part in parts]
-        strange += [quote] if any(part not in code for part in bare) else []
-    assert not strange
-
-
 def test_python_blocks_compile():
     for page in PAGES:
         text = page.read_text("utf-8")
