@@ -32,14 +32,14 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         name="Control Points Across",
         description="Columns of control points; 0: as set in the panel",
         min=0,
-        max=200,
+        max=120,
         options={"SKIP_SAVE"},
     )
     control_points_v: IntProperty(
         name="Control Points Down",
         description="Rows of control points; 0: as set in the panel",
         min=0,
-        max=200,
+        max=120,
         options={"SKIP_SAVE"},
     )
     settings: StringProperty(

@@ -173,15 +173,12 @@ def test_cancel(models, picture):
 # --- real photos -------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "person",
-    ["Arnold_Schwarzenegger", "Colin_Powell", "Donald_Rumsfeld", "George_W_Bush"],
-)
+@pytest.mark.parametrize("person", range(4))
 def test_press_photos(models, person):
     """The face of the person is the one in the middle of the picture."""
-    folder = LFW / person
-    if not folder.is_dir():
+    if not LFW.is_dir():
         pytest.skip("the press photos (../shared/photos/lfw) are not there")
+    folder = sorted(LFW.iterdir())[person]
     found = collect_photos(list_photos(folder)[::3])
     assert len(found.photos) == 12
     for photo, marks in zip(found.photos, found.landmarks, strict=True):
