@@ -88,7 +88,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         names = ("face", "output", "texture", "normals", "displacement")
         check_named(args, *names)
-        check_outputs(args.output)
+        check_outputs(args.output, read=[args.face])
         if any(ending(name) == ".npz" for name in args.output):
             raise ValueError("The face is a .npz file already; copy it.")
         for option, given, endings in (

@@ -6,8 +6,9 @@ extension for physically based rendering (Exocortex).
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from ..npz_arrays import open_file
 Source = str | os.PathLike | bytes
 #: First bytes of the pictures that a material may refer to, and their endings.
 SIGNATURES = {b"\x89PNG\r\n\x1a\n": ".png", b"\xff\xd8\xff": ".jpg"}
+#: What the names of texture, normal map and displacement end in.
+ENDS = ("", "_normal", "_displacement")
 
 
 def plain_stem(path: Path) -> str:
@@ -58,18 +61,39 @@ def write_pictures(
     ReconstructionError
         When a picture cannot be read or a file cannot be written.
     """
-    wanted = {
-        "map_Kd": ("", texture),
-        "norm": ("_normal", normals),
-        "disp": ("_displacement", displacement),
-    }
+    wanted = {"map_Kd": texture, "norm": normals, "disp": displacement}
     found = {}
-    for statement, (end, source) in wanted.items():
+    for end, (statement, source) in zip(ENDS, wanted.items(), strict=True):
         if source is not None:
             content, ending = read_texture(source)
             picture = path.with_name(plain_stem(path) + end + ending)
             found[statement] = write_bytes(picture, content).name
     return found
+
+
+def lost_picture(
+    path: Path, pictures: Sequence[str | os.PathLike | None], *, remade: bool
+) -> Path | None:
+    """The first of the pictures that would be written over with another content.
+
+    Parameters
+    ----------
+    path : Path
+        The OBJ file.
+    pictures : sequence of path or None
+        Texture, normal map and displacement.
+    remade : bool
+        Whether they are changed on the way; otherwise each may stay where it is.
+    """
+    for end, given in zip(ENDS, pictures, strict=True):
+        for ending in SIGNATURES.values() if given is not None else ():
+            target = path.with_name(plain_stem(path) + end + ending)
+            for other, source in zip(ENDS, pictures, strict=True):
+                if source is not None and (remade or other != end):
+                    with contextlib.suppress(OSError):
+                        if os.path.samefile(target, source):
+                            return target
+    return None
 
 
 def material(name: str, colour: str, pictures: Mapping[str, str]) -> str:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
 
 from ..errors import ReconstructionError
 from ..kinds import SWITCH, expect
 from ..settings import NUMBER
 from .exchange import NamedCurves
+from .mtl import lost_picture
 
 #: The date of files that name none, so that equal faces give equal bytes.
 FIXED_DATE = "1970-01-01T00:00:00"
@@ -105,6 +107,14 @@ class ExportOptions:
                 f"{path}: {self.date!r} is not a date; write it as "
                 "2026-11-22 or 2026-11-22T10:30:00."
             ) from None
+        if Path(path).suffix.lower() == ".obj":
+            pictures = (self.texture, self.normals, self.displacement)
+            lost = lost_picture(Path(path), pictures, remade=self.head)
+            if lost is not None:
+                raise ReconstructionError(
+                    f"{path}: {lost} is read and would be written over with another "
+                    "picture; choose another name."
+                )
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 from bsface.cli import batch
+from bsface.drawing.pictures import write_png
 from bsface.errors import ReconstructionError
 from bsface.landmarks import model_fetching
 from command_line import QUICK, run
@@ -81,6 +82,38 @@ def test_export_called_wrongly(capsys, face, tmp_path, monkeypatch, words, sente
     assert sentence in said
     assert said.count("\n") == 1
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--texture", "skin.png", "--normals", "a.png"],
+        ["--texture", "a_displacement.png", "--displacement", "skin.png"],
+        ["--texture", "a.png", "--head"],
+    ],
+)
+def test_pictures_that_are_read_are_not_written_over(
+    capsys, face, tmp_path, monkeypatch, words
+):
+    monkeypatch.chdir(tmp_path)
+    for number, name in enumerate(("skin.png", "a.png", "a_displacement.png")):
+        write_png(tmp_path / name, np.full((8, 8, 3), number, np.uint8))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    code, _, said = run(capsys, "export", face, "-o", "a.obj", *words)
+    assert code == 2 and "is read and would be written over" in said
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    # Over itself a texture stays what it is.
+    words = ["--texture", "a.png", "--normals", "skin.png"]
+    assert run(capsys, "export", face, "-o", "a.obj", *words)[0] == 0
+    assert (tmp_path / "a.png").read_bytes() == before["a.png"]
+
+
+def test_a_link_to_the_face_is_not_written_over(capsys, face, tmp_path):
+    (tmp_path / "a.step").symlink_to(face)
+    before = face.read_bytes()
+    code, _, said = run(capsys, "export", face, "-o", tmp_path / "a.step")
+    assert code == 2 and "is read and would be written over" in said
+    assert face.read_bytes() == before
 
 
 @pytest.mark.parametrize("words", [["export", "-o", "a.step"], ["info"]])
