@@ -94,6 +94,7 @@ def write_record(folder: Path, mark: str, outcome: Outcome) -> None:
         "photos": outcome.photos,
         "warnings": list(outcome.warnings),
         "files": {name: hash_of(folder / name) for name in outcome.files},
+        "older": left_over(folder, outcome.files),
     }
     write_text(folder / RECORD, json.dumps(content, indent=1) + "\n")
 
@@ -119,6 +120,28 @@ def recall(folder: Path, mark: str) -> Outcome | None:
         return None
     except RecursionError:  # brackets within brackets
         return None
+
+
+def left_over(folder: Path, files: Sequence[str]) -> tuple[str, ...]:
+    """What other runs wrote for a person and the last one did not.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the person's results.
+    files : sequence of str
+        Those that hold the person's face now.
+    """
+    try:
+        content = json.loads((folder / RECORD).read_text("utf-8"))
+        before = {str(name) for name in [*content["files"], *content.get("older", [])]}
+        return tuple(
+            sorted(n for n in before.difference(files) if (folder / n).exists())
+        )
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return ()
+    except RecursionError:  # brackets within brackets
+        return ()
 
 
 def sweep(folder: Path) -> None:
@@ -179,7 +202,7 @@ def _cell(text: str) -> str:
 
 
 def _remark(outcome: Outcome) -> str:
-    return outcome.reason or " ".join(outcome.warnings)
+    return " ".join(filter(None, [outcome.reason, *outcome.warnings]))
 
 
 def batch_facts(outcomes: Sequence[Outcome]) -> dict[str, Any]:

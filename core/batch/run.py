@@ -12,8 +12,10 @@ from __future__ import annotations
 import contextlib
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,7 @@ from .processes import Jobs, Outcomes, on_executor, on_processes
 from .record import (
     Outcome,
     fingerprint,
+    left_over,
     people_in,
     recall,
     summary_csv,
@@ -48,6 +51,8 @@ from .record import (
 WANTED = ("face.npz", "report.html")
 #: What a batch always writes for each person: the facts (`report.facts`) and a log.
 FACTS, LOG = "result.json", "log.txt"
+#: And for all of them together.
+TABLE = "summary.csv"
 
 #: In the face files of a batch, which are to be the same whenever it is run.
 DATE = "1980-01-01T00:00:00Z"
@@ -121,6 +126,7 @@ def run_batch(
         )
     folders = people_in(people)
     values = (settings or Settings()).to_dict()
+    _check_people(folders, out)
     jobs = {
         folder.name: (str(folder), str(out / folder.name), values, tuple(wanted))
         for folder in folders
@@ -136,7 +142,7 @@ def run_batch(
             runs = on_executor(executor, run_person, jobs)
         finished = _finished(runs, out, jobs, told)
         outcomes = tuple(finished[name] for name in jobs)
-        write_text(out / "summary.csv", summary_csv(outcomes))
+        write_text(out / TABLE, summary_csv(outcomes))
     return outcomes
 
 
@@ -146,7 +152,8 @@ def _finished(
     """The outcomes by name; whoever stops this leaves no unfinished files."""
     finished: dict[str, Outcome] = {}
     try:
-        for outcome in runs:
+        for run in runs:
+            outcome = _with_left_over(run, out / run.person)
             finished[outcome.person] = outcome
             if told is not None:
                 told(outcome, len(finished), len(jobs))
@@ -156,6 +163,18 @@ def _finished(
             sweep(out / name)
         raise
     return finished
+
+
+def _with_left_over(outcome: Outcome, target: Path) -> Outcome:
+    """The outcome with a warning when files of other runs stand beside it."""
+    older = left_over(target, outcome.files)
+    if not older:
+        return outcome
+    warning = (
+        f"From an earlier run, and not of these photos and settings: "
+        f"{', '.join(older)}; remove what you do not need."
+    )
+    return replace(outcome, warnings=(*outcome.warnings, warning))
 
 
 def run_person(
@@ -240,6 +259,27 @@ def _check_wanted(wanted: Sequence[str]) -> None:
             )
 
 
+def _check_people(folders: Sequence[Path], out: Path) -> None:
+    """Raise a ValueError for people whose results cannot stand side by side."""
+    places: dict[tuple[int, int], Path] = {}
+    alike = Counter(folder.name.casefold() for folder in folders)
+    for folder in folders:
+        if folder.name.casefold() == TABLE:
+            raise ValueError(
+                f"{folder} has the name of the batch's table; rename this folder."
+            )
+        target = out / folder.name
+        with contextlib.suppress(OSError):
+            if alike[folder.name.casefold()] > 1:  # one folder on some drives
+                target.mkdir(parents=True, exist_ok=True)
+            info = target.stat()
+            first = places.setdefault((info.st_dev, info.st_ino), target)
+            if first != target:
+                raise ValueError(
+                    f"{first} and {target} are one folder; give two people two."
+                )
+
+
 def _check_out(people: Path, out: Path) -> None:
     """Raise a ValueError for a folder in which results cannot stand."""
     if Path(os.path.realpath(out)).is_relative_to(os.path.realpath(people)):
@@ -247,7 +287,7 @@ def _check_out(people: Path, out: Path) -> None:
             f"{out} lies in the folder of the people, so that the next run would take "
             "results for photos; choose another folder for the results."
         )
-    table = out / "summary.csv"
+    table = out / TABLE
     why = why_not_writable(table)
     if why:
         raise ValueError(f"{table if table.is_dir() else out}: {why}.")
