@@ -201,7 +201,7 @@ def photo_rows(folder: Path) -> list[PhotoRow]:
     marks("landmarks: x and y swapped", lambda p: p[:, ::-1])
     marks("landmarks: upside down", lambda p: side - 1 - p)
     marks("landmarks: mirrored", lambda p: p * (-1, 1) + (side - 1, 0))
-    marks("landmarks: all at one place", lambda p: p * 0 + 80, "small_face")
+    marks("landmarks: all at one place", lambda p: p * 0 + 80)
     marks("landmarks: beside the picture", lambda p: p + 5000)
     marks("landmarks: of another picture size", lambda p: p, image_size=[10, 10])
     marks("landmarks: unknown scheme", lambda p: p, scheme="500")

@@ -154,6 +154,13 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
                 files[kind].append(path)
 
     photos = {path.with_suffix("") for path in files["photo"]}
+    for path in [*files["photo"]]:
+        masked_photo, kind = os.path.splitext(path.with_suffix(""))
+        if kind.lower() == ".mask" and Path(masked_photo) in photos:
+            files["photo"].remove(path)
+            name = path.relative_to(folder).as_posix()
+            why = f"{name} is not read: a mask is a PNG file; export it as .mask.png."
+            passed_over.append(PassedOver(name, why))
     for path in files["mask"]:
         if path.with_name(masked(path.name)) not in photos:
             name = path.relative_to(folder).as_posix()

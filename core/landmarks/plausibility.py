@@ -139,6 +139,8 @@ def judge_fit(
 
     if not np.isfinite([fit.residual, fit.eye_distance, fit.stretch]).all():
         return implausible("form no face")
+    if not detected and fit.eye_distance < 1:
+        return implausible("lie at one place")
     if outside(landmarks, size) > 0.5:
         return implausible(f"lie outside the picture of {size[0]} x {size[1]} pixels")
     if fit.flipped:

@@ -294,7 +294,7 @@ def test_swapped_flipped_and_scattered_landmarks_are_refused(scheme):
         (good * (-1, 1) + (400, 0), "mirrored"),
         (400 - good, "upside down"),
         (np.random.default_rng(2).permutation(good), ""),
-        (np.full_like(good, 100.0), ""),
+        (np.full_like(good, 100.0), "at one place"),
         (good + (1000, 0), "outside"),
         (np.column_stack([good[:, 0], 0 * good[:, 0] + 50]), ""),
     ]:

@@ -76,6 +76,19 @@ def test_a_mask_without_a_photo_is_named(photo):
     assert passed_over.reason.startswith("you.mask.png is the mask of no photo")
 
 
+@pytest.mark.parametrize("ending", [".mask.jpg", ".Mask.TIF"])
+def test_a_mask_of_another_format_is_named(photo, ending):
+    path = paint(photo, np.zeros((40, 60)))
+    path = path.rename(photo.with_name(photo.stem + ending))
+    scan = scan_folder(photo.parent)
+    (passed_over,) = scan.passed_over
+    assert scan.photos == (photo,) and passed_over.name == path.name
+    assert passed_over.reason.endswith("export it as .mask.png.")
+    # Without the photo it is one, whatever its name.
+    photo.unlink()
+    assert scan_folder(photo.parent).photos == (path,)
+
+
 def test_grey_levels_of_a_mask(photo):
     values = np.zeros((40, 60))
     values[:, 20:40], values[:, 40:] = GREY, 255
