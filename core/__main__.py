@@ -14,12 +14,14 @@ Exit codes: 0 done, 1 the job failed, 2 the call is wrong, 130 interrupted.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 
 from .cli import batch, export_face, info, models
 from .cli import reconstruct as reconstruct_photos
 from .cli.stopping import stoppable
+from .cli.terminal import say
 from .reconstruct import reconstruct
 from .result import Reconstruction
 
@@ -50,10 +52,24 @@ def main(
         The exit code.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    with stoppable():
-        if words and words[0] in COMMANDS:
-            return COMMANDS[words[0]](words[1:])
-        return reconstruct_photos.main(words, run)
+    try:
+        with stoppable():
+            if words and words[0] in COMMANDS:
+                return COMMANDS[words[0]](words[1:])
+            return reconstruct_photos.main(words, run)
+    except FileNotFoundError:
+        if _folder_is_there():
+            raise
+        say("The present folder was removed; change to another one (cd).")
+        return 1
+
+
+def _folder_is_there() -> bool:
+    """Whether the folder that the process stands in still has a name."""
+    try:
+        return bool(os.getcwd())
+    except FileNotFoundError:
+        return False
 
 
 if __name__ == "__main__":

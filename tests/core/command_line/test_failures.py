@@ -160,3 +160,21 @@ def test_stopped_from_outside(photos, tmp_path, stop):
         assert "Traceback" not in said
     assert os.listdir(tmp_path) == ["face.npz"]
     assert out.read_bytes() == b"the old one"
+
+
+@needs_signals
+@pytest.mark.parametrize("words", [[".", "-o", "a.npz"], ["batch", "a", "b"]])
+def test_a_folder_that_was_removed_from_under_it(tmp_path, words):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    program = (
+        "import os, sys; from bsface.__main__ import main; "
+        f"os.rmdir({str(gone)!r}); sys.exit(main({words!r}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=gone, capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    assert done.stderr == (
+        "bsface: The present folder was removed; change to another one (cd).\n"
+    )
