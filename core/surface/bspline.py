@@ -67,6 +67,8 @@ def segment_basis(count: int, x: ArrayLike, order: int = 0) -> tuple[NDArray, Ar
         raise ValueError(
             f"a cubic B-spline needs at least 4 control points, got {count}"
         )
+    if order < 0:
+        raise ValueError(f"the order of a derivative is 0 or more, got {order}")
     t = np.asarray(x, float).ravel() * (count - 3)
     first = np.clip(np.floor(t), 0, count - 4).astype(np.int64)
     local = t - first

@@ -305,6 +305,8 @@ def test_control_points_must_be_finite(value):
 def test_parameters_must_match():
     with pytest.raises(ValueError, match="differ in length"):
         basis_matrix((4, 4), [0.1, 0.2], [0.3])
+    with pytest.raises(ValueError, match="order of a derivative is 0 or more"):
+        basis_matrix((4, 4), [0.1], [0.3], du=-1)
     with pytest.raises(ValueError, match="at least 4"):
         segment_basis(3, [0.1])
 
