@@ -125,6 +125,12 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
         if args.start:
             before = load_face(args.start)
             template, constraint = before.surface, before.constraint
+            asked = any(word.startswith("control_points=") for word in args.set)
+            if asked and settings.control_points != template.shape:
+                raise ValueError(
+                    f"{args.start} has {template.shape[0]} x {template.shape[1]} "
+                    "control points, which --start keeps; leave control_points out."
+                )
         check_outputs(
             args.output,
             report=args.report,

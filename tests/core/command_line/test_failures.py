@@ -9,6 +9,7 @@ import sys
 import pytest
 from bsface.errors import Cancelled, ReconstructionError
 from command_line import QUICK, run
+from fake_face import painted_reconstruction
 from needs import needs_permissions, needs_signals
 
 # --- it is called wrongly: exit code 2 -----------------------------------------------
@@ -160,6 +161,14 @@ def test_stopped_from_outside(photos, tmp_path, stop):
         assert "Traceback" not in said
     assert os.listdir(tmp_path) == ["face.npz"]
     assert out.read_bytes() == b"the old one"
+
+
+def test_a_start_keeps_its_net(capsys, photos, tmp_path):
+    start = painted_reconstruction(count=2, side=60).save(tmp_path / "start.npz")
+    words = ["--start", start, "--set", "control_points=30,31"]
+    code, _, said = run(capsys, photos, "-o", tmp_path / "a.npz", *words)
+    assert code == 2 and "control points, which --start keeps" in said
+    assert not (tmp_path / "a.npz").exists()
 
 
 @needs_signals
