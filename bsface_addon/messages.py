@@ -91,6 +91,11 @@ NO_FACE_FILE = (
     "{name} has lost what BSface keeps with it (the custom property bsface_file); "
     "undo, or reconstruct it again"
 )
+OUT_OF_SIGHT = (
+    "{name} is in a collection that is hidden or excluded from this view layer; show "
+    "it in the Outliner"
+)
+OF_ANOTHER = "The list holds the photos of {owner}, not of {name}; select {owner}"
 NO_SIZE = "{name} is scaled to nothing; clear its scale (Alt S)"
 NO_NUMBERS = (
     "{name} has control points that are no finite numbers, or all at one place; undo, "

@@ -8,29 +8,24 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-from pathlib import Path
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
 from ..core._types import Array
-from ..core.errors import ReconstructionError
 from . import (
     cameras,
     coordinates,
     face_file,
     lights,
     material,
-    messages,
     photo_expression,
     rig,
     skin_overlay,
     surface_object,
 )
 from .solving import Outcome
-from .stored_facts import PHOTOS
 
 # On a face object.
 MARK = "bsface"
@@ -140,22 +135,6 @@ def faces(context):
 def is_face(obj):
     """Whether the object is a face that `place` made and that is still a surface."""
     return obj is not None and bool(obj.get(MARK)) and surface_object.is_surface(obj)
-
-
-def photo_files(face: bpy.types.Object) -> tuple[Path, ...]:
-    """Files of the photos that shaped a face, as far as they are still there.
-
-    Raises
-    ------
-    ReconstructionError
-        None is.
-    """
-    rows = [row for row in stored(face, PHOTOS, []) if isinstance(row, dict)]
-    names = [row["path"] for row in rows if isinstance(row.get("path"), str)]
-    found = tuple(Path(name) for name in names if name and os.path.isfile(name))
-    if not found:
-        raise ReconstructionError(messages.NO_SUCH_FILES.format(name=face.name))
-    return found
 
 
 def active_face(context):
@@ -342,8 +321,13 @@ def _remove(objects):
 
 
 def select_only(context, face):
-    """Make the face the active and only selected object, and visible."""
+    """Make the face the active and only selected object, and visible.
+
+    Not where its collection is excluded from the view layer, or it is in no scene.
+    """
     context.view_layer.update()
+    if context.view_layer.objects.get(face.name) != face:
+        return
     face.hide_viewport = False
     face.hide_set(False)
     for obj in context.view_layer.objects:

@@ -6,7 +6,15 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ...core.errors import ReconstructionError
-from .. import face_file, messages, photo_list, request, scene, surface_object
+from .. import (
+    face_file,
+    face_photos,
+    messages,
+    photo_list,
+    request,
+    scene,
+    surface_object,
+)
 from .photos import ready
 from .running import LongOperator
 from .surface import ChangingOperator
@@ -80,6 +88,10 @@ class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operato
                 messages.NO_EXPRESSION.format(name=self.expression)
             )
         face = scene.active_face(context)
+        owner = face_photos.owner(context, face, map(photo_list.absolute, rows))
+        if owner != face:
+            text = messages.OF_ANOTHER.format(owner=owner.name, name=face.name)
+            raise ReconstructionError(text)
         known = photo_list.known_landmarks(state)
         return request.from_panel(
             state,

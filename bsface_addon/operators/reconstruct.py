@@ -5,7 +5,16 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
-from .. import messages, photo_list, request, scene, session, showing
+from .. import (
+    coarse_editor,
+    face_photos,
+    messages,
+    photo_list,
+    request,
+    scene,
+    session,
+    showing,
+)
 from ..apply_result import apply_result
 from . import running
 
@@ -63,6 +72,9 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         if session.running() is not None:
             cls.poll_message_set(messages.RUNNING)
             return False
+        if coarse_editor.editor() is not None:
+            cls.poll_message_set(messages.COARSE_OPEN)
+            return False
         return True
 
     def prepare(self, context):
@@ -84,8 +96,13 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         return request.from_panel(state, photos, self.name, changes, ignore=left_out)
 
     def chosen(self, context):
-        separate = self.separate or context.scene.bsface.separate
-        return None if separate else scene.active_face(context)
+        state = context.scene.bsface
+        if self.separate or state.separate:
+            return None
+        face = scene.active_face(context)
+        if face is None or self.directory:
+            return face
+        return face_photos.owner(context, face, photo_list.paths(state))
 
     def deliver(self, context, request, outcome):
         state = context.scene.bsface

@@ -1,4 +1,4 @@
-"""The surface after the first run: refit, resample, symmetrise, maps, mesh, removal."""
+"""The surface after the first run: refit, resample, symmetrise, maps, removal."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from ...core.problem import Constraint
 from ...core.surface.bspline import resampled_net
 from .. import (
     coarse_editor,
-    coordinates,
     face_file,
+    face_photos,
     maps,
     material,
     messages,
     photo_expression,
+    photo_list,
     removal,
     request,
     scene,
@@ -26,9 +27,6 @@ from .. import (
 from ..apply_result import apply_result
 from .refusals import refusals_reported
 from .running import LongOperator
-
-# Reach of proportional editing: about a nose; more than the second is the whole face.
-REACH_MM, WHOLE_FACE_MM = 20.0, 120.0
 
 
 class FaceOperator:
@@ -43,12 +41,15 @@ class FaceOperator:
 
 
 class ChangingOperator(FaceOperator):
-    """One that changes what a running job is about to change too."""
+    """One that a running job, or the coarse net, would undo."""
 
     @classmethod
     def poll(cls, context):
         if session.running() is not None:
             cls.poll_message_set(messages.RUNNING)
+            return False
+        if coarse_editor.editor() is not None:
+            cls.poll_message_set(messages.COARSE_OPEN)
             return False
         return super().poll(context)
 
@@ -80,6 +81,8 @@ class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator
     def prepare(self, context):
         face = scene.active_face(context)
         state = context.scene.bsface
+        listed = photo_list.paths(state)
+        own = bool(listed) and face_photos.owner(context, face, listed) == face
         held = None
         if self.hold == "MOVED":
             held = face_file.moved(face)
@@ -87,7 +90,7 @@ class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator
             held = surface_object.selected(face)
         return request.from_panel(
             state,
-            None if state.photos else scene.photo_files(face),
+            None if own else face_photos.files(face),
             face.name,
             {"control_points": surface_object.shape(face)},
             start=face_file.surface(face),
@@ -227,80 +230,6 @@ class BSFACE_OT_surface_trim(FaceOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class BSFACE_OT_surface_net(FaceOperator, bpy.types.Operator):
-    """Show the control net and edit its points with Blender's own tools, or stop"""
-
-    bl_idname = "bsface.surface_net"
-    bl_label = "Control Net"
-    bl_options = {"REGISTER", "UNDO"}
-
-    def execute(self, context):
-        face = scene.active_face(context)
-        editing = face.mode == "EDIT"
-        scene.leave_edit_mode(context)
-        if not editing:
-            scene.select_only(context, face)
-            bpy.ops.object.mode_set(mode="EDIT")
-            _fit_proportional_size(context, face)
-        return {"FINISHED"}
-
-
-class BSFACE_OT_coarse_edit(ChangingOperator, bpy.types.Operator):
-    """Edit the face by a net of few points; detail stays, and goes along"""
-
-    bl_idname = "bsface.coarse_edit"
-    bl_label = "Edit a Coarse Net"
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        if coarse_editor.editor() is not None:
-            cls.poll_message_set(messages.COARSE_OPEN)
-            return False
-        return super().poll(context)
-
-    @refusals_reported
-    def execute(self, context):
-        face = scene.active_face(context)
-        photo_expression.hide(face)
-        try:
-            coarse_editor.open_editor(context, face)
-        except ValueError as error:
-            self.report({"ERROR"}, messages.TOO_FEW_POINTS.format(why=error))
-            return {"CANCELLED"}
-        _fit_proportional_size(context, face)
-        return {"FINISHED"}
-
-
-class BSFACE_OT_coarse_done(bpy.types.Operator):
-    """Leave the coarse net"""
-
-    bl_idname = "bsface.coarse_done"
-    bl_label = "Done"
-    bl_options = {"REGISTER", "UNDO"}
-
-    keep: BoolProperty(name="Keep", description="Off: forget the edit", default=True)
-
-    @classmethod
-    def poll(cls, context):
-        if coarse_editor.editor() is None:
-            cls.poll_message_set(messages.NO_COARSE)
-            return False
-        return True
-
-    def execute(self, context):
-        coarse_editor.close_editor(context, self.keep)
-        return {"FINISHED"}
-
-
-def _fit_proportional_size(context: bpy.types.Context, face: bpy.types.Object) -> None:
-    """Proportional editing reaches a feature of the face where it reached all of it."""
-    unit = coordinates.world_frame(face).to_scale().x
-    tool = context.tool_settings
-    if tool.proportional_size > WHOLE_FACE_MM * unit:
-        tool.proportional_size = REACH_MM * unit
-
-
 class BSFACE_OT_face_remove(ChangingOperator, bpy.types.Operator):
     """Delete the face with its cameras, lights and photos; the files stay"""
 
@@ -341,9 +270,6 @@ CLASSES = (
     BSFACE_OT_surface_symmetrise,
     BSFACE_OT_surface_map,
     BSFACE_OT_surface_trim,
-    BSFACE_OT_surface_net,
-    BSFACE_OT_coarse_edit,
-    BSFACE_OT_coarse_done,
     BSFACE_OT_face_remove,
     BSFACE_OT_leftovers_remove,
 )

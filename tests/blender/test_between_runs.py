@@ -1,0 +1,108 @@
+"""What an artist does between two runs must not cost the work, nor the next run."""
+
+import bpy
+import numpy as np
+import pytest
+from blender import faces
+from blender.checkout import load
+from blender.faces import points
+
+coarse_editor = load("bsface_addon.coarse_editor")
+surface_object = load("bsface_addon.surface_object")
+Outcome = load("bsface_addon.solving").Outcome
+
+
+@pytest.fixture
+def bob(face, solver, tmp_path):
+    """A face of other photos; Ann, who was there before, is active again."""
+    folder = tmp_path / "bob"
+    solver.answer = Outcome.of(faces.reconstruction(folder))
+    bpy.ops.bsface.reconstruct(directory=str(folder), name="Bob", separate=True)
+    solver.requests.clear()
+    bpy.context.view_layer.objects.active = face
+    return bpy.context.scene.bsface.face
+
+
+def exclude(face):
+    """Take the face's collection out of the view layer."""
+    children = bpy.context.view_layer.layer_collection.children
+    children[face.users_collection[0].name].exclude = True
+
+
+# --- the coarse net is open ----------------------------------------------------------
+
+
+def test_nothing_changes_the_face_under_its_coarse_net(face):
+    bpy.ops.bsface.coarse_edit()
+    for name in ("reconstruct", "surface_refit", "surface_symmetrise", "face_remove"):
+        with pytest.raises(RuntimeError, match="press Done first"):
+            getattr(bpy.ops.bsface, name)()
+    with pytest.raises(RuntimeError, match="press Done first"):
+        bpy.ops.bsface.surface_net()
+    bpy.ops.bsface.coarse_done()
+    assert bpy.ops.bsface.surface_refit() == {"FINISHED"}
+
+
+def test_the_coarse_net_of_a_face_that_is_out_of_sight_can_be_left(face):
+    bpy.ops.bsface.coarse_edit()
+    exclude(face)
+    assert bpy.ops.bsface.coarse_done() == {"FINISHED"}
+    assert coarse_editor.editor() is None
+
+
+# --- the face's collection is excluded or hidden -------------------------------------
+
+
+@pytest.mark.parametrize("name", ["reconstruct", "surface_refit"])
+def test_a_run_updates_a_face_that_is_out_of_sight(face, name):
+    surface_object.write(bpy.context, face, points(face) + [0.0, 3.0, 0.0])
+    wanted = points(face) - [0.0, 3.0, 0.0]
+    exclude(face)
+    assert getattr(bpy.ops.bsface, name)() == {"FINISHED"}
+    np.testing.assert_allclose(points(face), wanted, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["surface_net", "coarse_edit"])
+@pytest.mark.parametrize("way", ["exclude", "hide_viewport"])
+def test_a_net_that_nobody_sees_is_not_edited(face, name, way):
+    collection = face.users_collection[0].name
+    layer = bpy.context.view_layer.layer_collection.children[collection]
+    setattr(layer, way, True)
+    with pytest.raises(RuntimeError, match="Ann is in a collection that"):
+        getattr(bpy.ops.bsface, name)()
+    assert {obj.mode for obj in bpy.data.objects} == {"OBJECT"}
+    assert coarse_editor.editor() is None
+
+
+# --- two faces -----------------------------------------------------------------------
+
+
+def test_refit_takes_the_photos_of_the_face_not_those_of_the_other(face, bob, solved):
+    bpy.ops.bsface.surface_refit()
+    assert {path.parent.name for path in solved[-1].photos} == {"photos"}
+
+
+def test_new_photos_of_the_list_count_for_the_face(face, solved, tmp_path):
+    faces.photo_files(tmp_path / "more")
+    bpy.ops.bsface.photos_clear()
+    bpy.ops.bsface.photos_add(directory=str(tmp_path / "more"))
+    bpy.ops.bsface.surface_refit()
+    assert {path.parent.name for path in solved[-1].photos} == {"more"}
+
+
+def test_the_list_is_reconstructed_into_its_own_face(face, bob):
+    for one in (face, bob):
+        surface_object.write(bpy.context, one, points(one) + [0.0, 3.0, 0.0])
+    kept, wanted = points(face), points(bob) - [0.0, 3.0, 0.0]
+    bpy.ops.bsface.reconstruct()
+    np.testing.assert_array_equal(points(face), kept)
+    np.testing.assert_allclose(points(bob), wanted, atol=1e-3)
+
+
+def test_an_expression_of_another_person_is_refused(face, bob):
+    bpy.ops.bsface.expression_assign(expression="Smile", which="USED")
+    with pytest.raises(RuntimeError, match="photos of Bob, not of Ann; select Bob"):
+        bpy.ops.bsface.expression_key(expression="Smile")
+    bpy.context.view_layer.objects.active = bob
+    assert bpy.ops.bsface.expression_key(expression="Smile") == {"FINISHED"}
+    assert face.data.shape_keys is None
