@@ -22,6 +22,7 @@ from . import (
     material,
     photo_expression,
     rig,
+    shape_keys,
     skin_overlay,
     surface_object,
 )
@@ -99,7 +100,7 @@ def place(
             material.show(face, "SKIN" if "SKIN" in maps else "PLAIN")
         _write_facts(face, outcome)
         if not fresh:
-            surface_object.write(context, face, points)
+            shape_keys.write(context, face, points)
             _replace(context, face, old)
     if select:
         leave_edit_mode(context)

@@ -93,7 +93,7 @@ def write(
     With the same numbers of control points the coordinates are overwritten in
     place (modifiers, materials and animation stay, shape keys move along);
     otherwise the object gets new curve data with the old materials and resolution,
-    and its shape keys go.
+    and its shape keys go; `shape_keys.write` keeps them.
 
     Parameters
     ----------

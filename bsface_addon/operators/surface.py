@@ -21,6 +21,7 @@ from .. import (
     request,
     scene,
     session,
+    shape_keys,
     showing,
     surface_object,
 )
@@ -127,17 +128,15 @@ class BSFACE_OT_surface_resample(ChangingOperator, bpy.types.Operator):
         count = (self.control_points_u, self.control_points_v)
         scene.leave_edit_mode(context)
         photo_expression.hide(face)
-        keys = face.data.shape_keys.key_blocks[1:] if face.data.shape_keys else []
-        values = {key.name: key.value for key in keys}
-        nets = [surface_object.read(face, name) for name in (None, *values)]
+        keys = face.data.shape_keys
+        names = [None] if keys is None else keys.key_blocks.keys()
+        nets = [surface_object.read(face, name) for name in names]
         if not np.isfinite(nets).all():
             self.report({"ERROR"}, messages.NO_NUMBERS.format(name=face.name))
             return {"CANCELLED"}
-        basis, *shapes = np.moveaxis(resampled_net(np.stack(nets, 2), count), 2, 0)
+        points = resampled_net(surface_object.read(face), count)
         with scene.all_or_nothing(context):
-            surface_object.write(context, face, basis)
-            for (name, value), points in zip(values.items(), shapes, strict=True):
-                surface_object.add_shape_key(face, name, points).value = value
+            shape_keys.write(context, face, points)
         return {"FINISHED"}
 
 

@@ -106,3 +106,40 @@ def test_an_expression_of_another_person_is_refused(face, bob):
     bpy.context.view_layer.objects.active = bob
     assert bpy.ops.bsface.expression_key(expression="Smile") == {"FINISHED"}
     assert face.data.shape_keys is None
+
+
+# --- shape keys ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("way", ["reconstruct", "resample"])
+def test_keys_and_their_animation_outlive_a_net_of_another_size(face, way):
+    if way == "reconstruct":
+        bpy.ops.bsface.surface_resample(control_points_u=20, control_points_v=22)
+    surface_object.add_shape_key(face, "Smile", points(face) + (0, 0, 2))
+    surface_object.add_shape_key(face, "Frown", points(face) - (0, 0, 1))
+    keys = face.data.shape_keys
+    smile, frown = keys.key_blocks["Smile"], keys.key_blocks["Frown"]
+    keys.reference_key.name = "Calm"
+    smile.slider_max = 2.0
+    for frame, smile.value in ((1, 0.0), (11, 2.0)):
+        smile.keyframe_insert("value", frame=frame)
+    frown.driver_add("value").driver.expression = "frame / 20"
+    name, action = face.data.name, keys.animation_data.action
+    if way == "resample":
+        bpy.ops.bsface.surface_resample(control_points_u=20, control_points_v=22)
+    else:
+        bpy.ops.bsface.reconstruct()
+    keys = face.data.shape_keys
+    assert keys.key_blocks.keys() == ["Calm", "Smile", "Frown"]
+    assert keys.animation_data.action == action
+    smile = keys.key_blocks["Smile"]
+    assert smile.slider_max == 2.0
+    bpy.context.scene.frame_set(6)
+    assert smile.value == pytest.approx(1.0)
+    assert keys.key_blocks["Frown"].value == pytest.approx(0.3)
+    moved = points(face, "Smile") - points(face)
+    np.testing.assert_allclose(moved[..., 2], 2, atol=1e-3)
+    assert face.data.name == name and len(bpy.data.curves) == 1
+    # The action goes on being edited.
+    assert smile.keyframe_insert("value", frame=21)
+    assert keys.animation_data.action == action
