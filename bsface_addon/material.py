@@ -6,10 +6,16 @@ A NURBS surface has no attributes or colours per point, but Blender gives it UVs
 
 from __future__ import annotations
 
-from collections.abc import Container
+import hashlib
+from collections.abc import Container, Iterable
+from pathlib import Path
 
 import bpy
+import numpy as np
 
+from ..core.drawing.pictures import encode_png
+from ..core.errors import ReconstructionError
+from . import messages
 from .maps import Map
 from .packed_image import packed_image
 
@@ -27,7 +33,9 @@ PLAIN = (0.62, 0.42, 0.33, 1.0)
 KIND_KEY = "bsface_map"
 LEGEND_KEY = "bsface_legend"
 WHOLE_KEY = "bsface_whole"
-_NODES = ("Skin", "Flat", "Plain")
+# Hash of the picture as it was made, before anybody painted on it.
+MADE_KEY = "bsface_made"
+_NODES = ("Output", "Skin", "Flat", "Plain")
 # Names of kinds in files of version 0.1.
 OLD_KINDS = {"CONFIDENCE": "DEVIATION"}
 
@@ -41,6 +49,11 @@ def of_face(face: bpy.types.Object) -> bpy.types.Material:
         return found
     material = bpy.data.materials.new(f"BSface {face.name}")
     material["bsface"] = True
+    if material.node_tree is None:
+        material.use_nodes = True  # before Blender 5.0; deprecated since
+    material.node_tree.nodes.clear()
+    material.diffuse_color = PLAIN
+    material.roughness = 0.5
     _nodes(material)
     face.data.materials.append(material)
     return material
@@ -68,6 +81,7 @@ def store_map(face: bpy.types.Object, kind: str, found: Map) -> bpy.types.Image:
     old = node.image
     image = packed_image(f"{face.name} {name}", found.png)
     image[KIND_KEY], image[LEGEND_KEY] = kind, found.legend
+    image[MADE_KEY] = _hash(found.png)
     if kind == DETAIL:
         image.colorspace_settings.name = "Non-Color"
     else:
@@ -75,9 +89,38 @@ def store_map(face: bpy.types.Object, kind: str, found: Map) -> bpy.types.Image:
     node.image = image
     if old is not None and old.users == 0:
         title = old.name
-        bpy.data.images.remove(old)
+        _let_go(old)
         image.name = title
     return image
+
+
+def own(face: bpy.types.Object, others: Iterable[bpy.types.Object]) -> None:
+    """Give a copy of a face a material of its own, before its maps are replaced.
+
+    Parameters
+    ----------
+    others : objects
+        The other faces.
+    """
+    found = existing(face)
+    sharing = (other for other in others if other.data != face.data)
+    if any(found in other.data.materials[:] for other in sharing if found):
+        face.data.materials[face.data.materials.find(found.name)] = found.copy()
+
+
+def _let_go(image: bpy.types.Image) -> None:
+    """Remove a map that a newer one replaces; what was painted on it is kept."""
+    packed = image.packed_file
+    made = image.get(MADE_KEY)
+    if image.is_dirty or (packed and made and _hash(packed.data) != made):
+        image.name = f"{image.name} Painted"
+        image.use_fake_user = True
+    else:
+        bpy.data.images.remove(image)
+
+
+def _hash(png: bytes) -> str:
+    return hashlib.sha256(png).hexdigest()
 
 
 def drop_others(face: bpy.types.Object, kinds: Container[str]) -> None:
@@ -89,8 +132,8 @@ def drop_others(face: bpy.types.Object, kinds: Container[str]) -> None:
                 show(face, "PLAIN")
             image = nodes[kind].image
             nodes.remove(nodes[kind])
-            if image.users == 0:
-                bpy.data.images.remove(image)
+            if image is not None and image.users == 0:
+                _let_go(image)
 
 
 def stored_map(face: bpy.types.Object, kind: str) -> bpy.types.Image | None:
@@ -101,10 +144,34 @@ def stored_map(face: bpy.types.Object, kind: str) -> bpy.types.Image | None:
 
 
 def packed_map(face: bpy.types.Object, kind: str) -> bytes:
-    """The file of a map as it is packed; empty for none."""
+    """The file of a map, with what was painted on it; empty for none.
+
+    Raises
+    ------
+    ReconstructionError
+        The user has unpacked it, and the file is gone.
+    """
     image = stored_map(face, kind)
-    packed = None if image is None else image.packed_file
-    return b"" if packed is None else packed.data
+    if image is None:
+        return b""
+    if image.is_dirty and not image.is_float:
+        return _painted(image)
+    if image.packed_file is not None:
+        return image.packed_file.data
+    path = Path(bpy.path.abspath(image.filepath))
+    try:
+        return path.read_bytes()
+    except OSError:
+        text = messages.NO_PICTURE.format(name=image.name, path=path)
+        raise ReconstructionError(text) from None
+
+
+def _painted(image: bpy.types.Image) -> bytes:
+    width, height = image.size
+    pixels = np.empty(4 * width * height, np.float32)
+    image.pixels.foreach_get(pixels)
+    rows = np.round(255 * pixels).astype(np.uint8).reshape(height, width, 4)
+    return encode_png(np.ascontiguousarray(rows[::-1]))
 
 
 def stored_kinds(face: bpy.types.Object) -> list[str]:
@@ -197,25 +264,29 @@ def _cut(image: bpy.types.Image, on: bool) -> None:
 
 
 def _nodes(material: bpy.types.Material) -> None:
-    if material.node_tree is None:
-        material.use_nodes = True  # before Blender 5.0; deprecated since
-    nodes = material.node_tree.nodes
-    for node in list(nodes):
-        if node.name not in (*MAPS, DETAIL):
-            nodes.remove(node)
+    """Make the nodes that are not there; those of the user stay."""
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    fresh = "Skin" not in nodes
     for name, kind, place in (
         ("Output", "ShaderNodeOutputMaterial", (500, 0)),
         ("Skin", "ShaderNodeBsdfPrincipled", (0, 0)),
         ("Flat", "ShaderNodeEmission", (0, -420)),
         ("Plain", "ShaderNodeTexImage", (-340, 300)),
     ):
-        node = nodes.new(kind)
-        node.name, node.location = name, place
-    nodes["Skin"].inputs["Base Color"].default_value = PLAIN
-    nodes["Skin"].inputs["Roughness"].default_value = 0.5
-    material.diffuse_color = PLAIN
-    material.roughness = 0.5
-    _cutter(material)
+        if name not in nodes:
+            node = nodes.new(kind)
+            node.name, node.location = name, place
+    cut = _cutter(material)
+    if not nodes["Output"].inputs["Surface"].is_linked:
+        links.new(cut.outputs[0], nodes["Output"].inputs["Surface"])
+    if fresh:
+        skin = nodes["Skin"]
+        skin.inputs["Base Color"].default_value = PLAIN
+        skin.inputs["Roughness"].default_value = 0.5
+        if not cut.inputs[2].is_linked:
+            links.new(skin.outputs[0], cut.inputs[2])
+        if DETAIL in nodes:
+            bend_normals(skin, nodes[DETAIL])
 
 
 def _cutter(material: bpy.types.Material) -> bpy.types.Node:

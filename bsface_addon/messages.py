@@ -78,6 +78,9 @@ NO_LIGHT = "No light was estimated for this photo"
 NO_MAP = "{name} has no {map} map; reconstruct it with shading"
 MESH = "A mesh of {count} quads was made"
 HEAD = "A head of {count} quads was made"
+NO_PICTURE = (
+    "The picture {name} is not at {path}; reconstruct again, or switch Texture off"
+)
 NO_MAP_SHOWN = "No picture is shown on the surface; choose one under Texture"
 NO_EXPRESSION = "No ticked photo has the expression {name!r}; set it in the photo list"
 KEYS = "{count} shape keys were added"

@@ -93,6 +93,7 @@ def place(
         parent = rig.ensure(face, own)
         _add_cameras(face, parent, outcome, own)
         _add_lights(face, parent, result, own)
+        material.own(face, (o for o in bpy.data.objects if o != face and is_face(o)))
         for kind, found in maps.items():
             material.store_map(face, kind, found)
         material.drop_others(face, maps)
