@@ -99,6 +99,11 @@ OUT_OF_SIGHT = (
     "it in the Outliner"
 )
 OF_ANOTHER = "The list holds the photos of {owner}, not of {name}; select {owner}"
+LINKED = (
+    "{name} is linked from another file; make it local (Object > Relations > Make "
+    "Local > Selected Objects and Data)"
+)
+NO_FILE_NAME = "Give a file to write to, not {path!r}"
 NO_SIZE = "{name} is scaled to nothing; clear its scale (Alt S)"
 NO_NUMBERS = (
     "{name} has control points that are no finite numbers, or all at one place; undo, "

@@ -25,7 +25,8 @@ def is_rig(obj: bpy.types.Object) -> bool:
 
 def face_of_rig(obj: bpy.types.Object) -> bpy.types.Object | None:
     """The face that a rig follows; None where it is gone from the file."""
-    return next((c.target for c in obj.constraints), None)
+    copying = (c for c in obj.constraints if c.type == "COPY_TRANSFORMS")
+    return next((c.target for c in copying), None)
 
 
 def find(face: bpy.types.Object) -> bpy.types.Object | None:

@@ -139,6 +139,11 @@ def is_face(obj):
     return obj is not None and bool(obj.get(MARK)) and surface_object.is_surface(obj)
 
 
+def is_own(face: bpy.types.Object) -> bool:
+    """Whether this file holds the face; what is done to a linked one is not saved."""
+    return face.is_editable and face.data.is_editable
+
+
 def active_face(context):
     """The face that the buttons mean: the active one, or the scene's latest."""
     active = context.view_layer.objects.active

@@ -46,6 +46,7 @@ def available(needs: Mapping[str, str] = NEEDS) -> list[tuple[str, str]]:
 class FileOperator(ChangingOperator, LongOperator):
     """Writes a file, in a window beside the UI."""
 
+    edits = False
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
@@ -54,6 +55,19 @@ class FileOperator(ChangingOperator, LongOperator):
         self.filepath = f"{bpy.path.clean_name(face.name)}{self.ending()}"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
+
+    def chosen_path(self) -> str:
+        """The file to write.
+
+        Raises
+        ------
+        ReconstructionError
+            There is no name in it.
+        """
+        path = bpy.path.abspath(self.filepath)
+        if not bpy.path.display_name_from_filepath(path) or Path(path).is_dir():
+            raise ReconstructionError(messages.NO_FILE_NAME.format(path=path))
+        return path
 
     def execute(self, context):
         if bpy.app.background:
@@ -120,7 +134,7 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
         return True
 
     def prepare(self, context):
-        path = bpy.path.abspath(self.filepath)
+        path = self.chosen_path()
         if self.properties.is_property_set("kind"):
             path = export_face.with_ending(path, self.kind)
         face = scene.active_face(context)
@@ -161,7 +175,7 @@ class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):
         picture = material.packed_map(face, material.shown(face))
         if not picture:
             raise ReconstructionError(messages.NO_MAP_SHOWN)
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".png")
+        path = Path(self.chosen_path()).with_suffix(".png")
         return FileToWrite(path, None, ExportOptions(), picture)
 
 

@@ -63,6 +63,7 @@ class BSFACE_OT_surface_to_mesh(ChangingOperator, LongOperator, bpy.types.Operat
     bl_idname = "bsface.surface_to_mesh"
     bl_label = "Convert to Mesh"
     bl_options = {"UNDO"}
+    edits = False
 
     density: DENSITY
     openings: OPENINGS
@@ -125,6 +126,7 @@ class BSFACE_OT_full_head(ChangingOperator, LongOperator, bpy.types.Operator):
     bl_idname = "bsface.full_head"
     bl_label = "Make Full Head"
     bl_options = {"UNDO"}
+    edits = False
 
     density: DENSITY
     keys: KEYS

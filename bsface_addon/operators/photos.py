@@ -109,6 +109,8 @@ class BSFACE_OT_photos_add(bpy.types.Operator):
     def execute(self, context):
         from ...core.images.folder import list_photos
 
+        if not self.directory:
+            raise ReconstructionError(messages.NO_FOLDER)
         folder = Path(bpy.path.abspath(self.directory))
         chosen = [folder / item.name for item in self.files if item.name] or [folder]
         paths = [
@@ -116,6 +118,9 @@ class BSFACE_OT_photos_add(bpy.types.Operator):
             for item in chosen
             for path in (list_photos(item) if item.is_dir() else [item])
         ]
+        for path in paths:
+            if not path.is_file():
+                raise ReconstructionError(messages.NO_FILE.format(name=path))
         added = photo_list.add(context.scene.bsface, paths)
         self.report({"INFO"}, messages.added(added, len(paths)))
         return {"FINISHED"}

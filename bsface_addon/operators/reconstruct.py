@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
+from ...core.errors import ReconstructionError
 from .. import (
     coarse_editor,
     face_photos,
@@ -100,9 +101,11 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         if self.separate or state.separate:
             return None
         face = scene.active_face(context)
-        if face is None or self.directory:
-            return face
-        return face_photos.owner(context, face, photo_list.paths(state))
+        if face is not None and not self.directory:
+            face = face_photos.owner(context, face, photo_list.paths(state))
+        if face is not None and not scene.is_own(face):
+            raise ReconstructionError(messages.LINKED.format(name=face.name))
+        return face
 
     def deliver(self, context, request, outcome):
         state = context.scene.bsface

@@ -33,10 +33,17 @@ from .running import LongOperator
 class FaceOperator:
     """An operator on the face that the buttons mean."""
 
+    # Off: it leaves the face as it is.
+    edits = True
+
     @classmethod
     def poll(cls, context):
-        if scene.active_face(context) is None:
+        face = scene.active_face(context)
+        if face is None:
             cls.poll_message_set(messages.NO_FACE_OBJECT)
+            return False
+        if cls.edits and not scene.is_own(face):
+            cls.poll_message_set(messages.LINKED.format(name=face.name))
             return False
         return True
 

@@ -19,6 +19,8 @@ from .surface import FaceOperator
 
 
 class ViewOperator(FaceOperator):
+    edits = False
+
     @classmethod
     def poll(cls, context):
         if not super().poll(context):
@@ -116,6 +118,7 @@ class BSFACE_OT_surroundings_hide(FaceOperator, bpy.types.Operator):
     bl_idname = "bsface.surroundings_hide"
     bl_label = "Hide What Surrounds the Face"
     bl_options = {"REGISTER", "UNDO"}
+    edits = False
 
     def execute(self, context):
         for obj in showing.surrounding(context, scene.active_face(context)):
@@ -129,6 +132,7 @@ class BSFACE_OT_light_show(FaceOperator, bpy.types.Operator):
     bl_idname = "bsface.light_show"
     bl_label = "Light of Photo"
     bl_options = {"REGISTER", "UNDO"}
+    edits = False
 
     photo: StringProperty(
         name="Photo", description="Name of the photo; empty: that of the scene's camera"

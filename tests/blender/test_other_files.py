@@ -1,0 +1,95 @@
+"""Faces of other .blend files, and operators that scripts call with wrong files."""
+
+import bpy
+import pytest
+from blender.checkout import load
+from blender.faces import points
+
+scene = load("bsface_addon.scene")
+
+CHANGERS = (
+    "surface_refit",
+    "surface_resample",
+    "surface_symmetrise",
+    "surface_map",
+    "surface_trim",
+    "surface_net",
+    "coarse_edit",
+    "arkit_keys",
+    "expression_key",
+    "face_remove",
+)
+
+
+@pytest.fixture
+def brought(face, tmp_path):
+    """Brings the face of a saved file into a new one."""
+    path = str(tmp_path / "people.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+
+    def bring(link):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        with bpy.data.libraries.load(path, link=link) as (_, into):
+            into.objects = ["Ann"]
+        (ann,) = into.objects
+        bpy.context.scene.collection.objects.link(ann)
+        bpy.context.view_layer.objects.active = ann
+        return ann
+
+    return bring
+
+
+@pytest.mark.parametrize("way", ["linked", "override"])
+def test_a_linked_face_is_read_but_not_changed(brought, tmp_path, way):
+    ann = brought(link=True)
+    if way == "override":
+        ann = ann.override_create(remap_local_usages=True)
+        bpy.context.view_layer.objects.active = ann
+    before = points(ann)
+    for name in CHANGERS:
+        with pytest.raises(RuntimeError, match="Ann is linked .* make it local"):
+            getattr(bpy.ops.bsface, name)()
+    photos = str(tmp_path / "photos")
+    with pytest.raises(RuntimeError, match="Ann is linked .* make it local"):
+        bpy.ops.bsface.reconstruct(directory=photos)
+    assert (points(ann) == before).all()
+    bpy.ops.bsface.export(filepath=str(tmp_path / "ann.step"))
+    bpy.ops.bsface.surface_to_mesh(density="LOW", keys=False)
+    # The remedy of the sentence, and a face beside the linked one.
+    assert bpy.ops.bsface.reconstruct(directory=photos, separate=True) == {"FINISHED"}
+    scene.select_only(bpy.context, ann)
+    bpy.ops.object.make_local(type="SELECT_OBDATA")
+    assert bpy.ops.bsface.surface_symmetrise() == {"FINISHED"}
+
+
+def test_an_appended_face_is_refitted_to_its_own_photos(brought, solved):
+    ann = brought(link=False)
+    assert bpy.ops.bsface.surface_refit() == {"FINISHED"}
+    assert {path.parent.name for path in solved[-1].photos} == {"photos"}
+    assert len(load("bsface_addon.cameras").of_face(ann)) == 3
+
+
+@pytest.mark.parametrize("filepath", ["", "{}", "{}/"])
+def test_a_file_without_a_name_is_refused(face, tmp_path, monkeypatch, filepath):
+    monkeypatch.chdir(tmp_path)
+    before = {path.name for path in tmp_path.iterdir()}
+    with pytest.raises(RuntimeError, match="Give a file to write to"):
+        bpy.ops.bsface.export(filepath=filepath.format(tmp_path), kind=".step")
+    assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def test_photos_that_are_not_there_are_not_listed(addon, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RuntimeError, match="Choose a folder"):
+        bpy.ops.bsface.photos_add()
+    with pytest.raises(RuntimeError, match="no file .*none.png; choose another"):
+        bpy.ops.bsface.photos_add(directory=str(tmp_path), files=[{"name": "none.png"}])
+    assert not bpy.context.scene.bsface.photos
+
+
+def test_a_constraint_of_the_user_on_the_rig(face):
+    rig = load("bsface_addon.rig").find(face)
+    rig.constraints.new("LIMIT_LOCATION")
+    rig.constraints.move(1, 0)
+    assert bpy.ops.bsface.surface_refit() == {"FINISHED"}
+    assert bpy.ops.bsface.view_photo() == {"FINISHED"}
