@@ -7,6 +7,7 @@ from bpy.app.handlers import persistent
 
 from . import (
     cameras,
+    coarse_editor,
     headless,
     manual,
     mask_editor,
@@ -94,6 +95,7 @@ def register():
 
 def unregister():
     running.end(bpy.context)
+    coarse_editor.stop_following()
     for handlers, function in HANDLERS:
         handlers.remove(function)
     for module in reversed(MODULES):

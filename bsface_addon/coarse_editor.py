@@ -84,6 +84,12 @@ def close_editor(context: bpy.types.Context, keep: bool) -> None:
         scene.select_only(context, face)
 
 
+def stop_following() -> None:
+    """Take the timer off, before the add-on's properties go."""
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+
+
 def _tick() -> float | None:
     if editor() is None:
         return None

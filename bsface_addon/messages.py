@@ -83,6 +83,7 @@ NO_PICTURE = (
 )
 NO_MAP_SHOWN = "No picture is shown on the surface; choose one under Texture"
 NO_EXPRESSION = "No ticked photo has the expression {name!r}; set it in the photo list"
+LONG_WORD = "A shape key cannot have the name {name!r}; use a shorter word"
 KEYS = "{count} shape keys were added"
 KEY = "Shape key {name} made"
 WROTE = "Wrote {path}"

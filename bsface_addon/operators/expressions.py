@@ -19,6 +19,9 @@ from .photos import ready
 from .running import LongOperator
 from .surface import ChangingOperator
 
+# Blender cuts longer names of shape keys, within a letter too.
+NAME_BYTES = 63
+
 
 class BSFACE_OT_expression_assign(bpy.types.Operator):
     """Say which expression photos show; photos without a word make the neutral face"""
@@ -87,6 +90,8 @@ class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operato
             raise ReconstructionError(
                 messages.NO_EXPRESSION.format(name=self.expression)
             )
+        if len(self.expression.encode()) > NAME_BYTES:
+            raise ReconstructionError(messages.LONG_WORD.format(name=self.expression))
         face = scene.active_face(context)
         owner = face_photos.owner(context, face, map(photo_list.absolute, rows))
         if owner != face:

@@ -143,3 +143,25 @@ def test_keys_and_their_animation_outlive_a_net_of_another_size(face, way):
     # The action goes on being edited.
     assert smile.keyframe_insert("value", frame=21)
     assert keys.animation_data.action == action
+
+
+def test_a_word_that_is_too_long_for_a_key_is_refused(face):
+    for word in ("é" * 60, "e" * 64):
+        bpy.ops.bsface.expression_assign(expression=word, which="USED")
+        with pytest.raises(RuntimeError, match="use a shorter word"):
+            bpy.ops.bsface.expression_key(expression=word)
+        assert face.data.shape_keys is None
+
+
+# --- the add-on is disabled ----------------------------------------------------------
+
+
+def test_disabling_the_addon_ends_what_follows_the_coarse_net(addon, face):
+    bpy.ops.bsface.coarse_edit()
+    bpy.app.timers.register(coarse_editor._tick)  # as in a window
+    addon.unregister()
+    try:
+        assert not bpy.app.timers.is_registered(coarse_editor._tick)
+    finally:
+        addon.register()
+    assert bpy.ops.bsface.coarse_done() == {"FINISHED"}
