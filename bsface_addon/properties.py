@@ -20,16 +20,20 @@ from bpy.props import (
 from . import cameras, photo_stage, scene, showing
 from .settings_group import BSFACE_PG_settings
 
+# A script may write paths that begin with //, the folder of the .blend.
+RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"}
+
 
 class BSFACE_PG_photo(bpy.types.PropertyGroup):
     """One row of the photo list."""
 
     name: StringProperty(name="Name", description="Name of the photo in the report")
-    path: StringProperty(name="File", subtype="FILE_PATH")
+    path: StringProperty(name="File", subtype="FILE_PATH", options=RELATIVE)
     original: StringProperty(
         name="Original",
         description="The file before it was turned",
         subtype="FILE_PATH",
+        options=RELATIVE,
     )
     quarters: IntProperty(name="Quarter Turns", description="Clockwise")
     use: BoolProperty(

@@ -93,3 +93,11 @@ def test_a_constraint_of_the_user_on_the_rig(face):
     rig.constraints.move(1, 0)
     assert bpy.ops.bsface.surface_refit() == {"FINISHED"}
     assert bpy.ops.bsface.view_photo() == {"FINISHED"}
+
+
+def test_rows_may_be_relative_to_the_blend_file(face, solved, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    for row in bpy.context.scene.bsface.photos:
+        row.path = f"//photos/{row.name}"
+    bpy.ops.bsface.surface_refit()
+    assert {path.parent for path in solved[-1].photos} == {tmp_path / "photos"}
