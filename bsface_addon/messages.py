@@ -104,7 +104,7 @@ LINKED = (
     "{name} is linked from another file; make it local (Object > Relations > Make "
     "Local > Selected Objects and Data)"
 )
-NO_FILE_NAME = "Give a file to write to, not {path!r}"
+NO_FILE_NAME = "{path!r} is a folder; give the file to write a name"
 NO_SIZE = "{name} is scaled to nothing; clear its scale (Alt S)"
 NO_NUMBERS = (
     "{name} has control points that are no finite numbers, or all at one place; undo, "

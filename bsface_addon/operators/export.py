@@ -66,7 +66,7 @@ class FileOperator(ChangingOperator, LongOperator):
         """
         path = bpy.path.abspath(self.filepath)
         if not bpy.path.display_name_from_filepath(path) or Path(path).is_dir():
-            raise ReconstructionError(messages.NO_FILE_NAME.format(path=path))
+            raise ReconstructionError(messages.NO_FILE_NAME.format(path=path or "."))
         return path
 
     def execute(self, context):

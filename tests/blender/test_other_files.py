@@ -73,7 +73,7 @@ def test_an_appended_face_is_refitted_to_its_own_photos(brought, solved):
 def test_a_file_without_a_name_is_refused(face, tmp_path, monkeypatch, filepath):
     monkeypatch.chdir(tmp_path)
     before = {path.name for path in tmp_path.iterdir()}
-    with pytest.raises(RuntimeError, match="Give a file to write to"):
+    with pytest.raises(RuntimeError, match="is a folder; give the file"):
         bpy.ops.bsface.export(filepath=filepath.format(tmp_path), kind=".step")
     assert {path.name for path in tmp_path.iterdir()} == before
 
