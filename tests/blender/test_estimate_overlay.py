@@ -192,7 +192,7 @@ def test_views_are_drawn_anew_for_news_only(window):
 def test_what_is_updated_is_what_the_estimate_lies_over(addon, solved, tmp_path):
     state = bpy.context.scene.bsface
     chosen = reconstruct.BSFACE_OT_reconstruct.chosen
-    asked = SimpleNamespace(separate=False)
+    asked = SimpleNamespace(separate=False, directory="")
     assert chosen(asked, bpy.context) is None
     bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"))
     assert chosen(asked, bpy.context) == state.face
