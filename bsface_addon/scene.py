@@ -192,12 +192,16 @@ def all_or_nothing(context):
         yield
     except BaseException:
         leave_edit_mode(context)
+        # An object goes with its data: a face keeps the net that it has now.
+        old = [o for o in bpy.data.objects if o.session_uid in before["objects"]]
+        kept = {obj.data for obj in old}
+        kept |= {getattr(data, "shape_keys", None) for data in kept}
         bpy.data.batch_remove(
             [
                 data
                 for kind in _KINDS
                 for data in getattr(bpy.data, kind)
-                if data.session_uid not in before[kind]
+                if data.session_uid not in before[kind] and data not in kept
             ]
         )
         context.scene.camera = camera

@@ -14,6 +14,7 @@ import numpy as np
 from ._types import Array
 from .camera.camera import Camera
 from .images.photo import Photo
+from .kinds import expect
 from .landmarks.landmarks import Landmarks
 from .photometry.lighting import PhotometricEvidence
 from .photometry.skin import SkinMask
@@ -166,6 +167,7 @@ class Reconstruction:
 
     def with_surface(self, surface: BSplineSurface) -> Reconstruction:
         """The same result with another surface, such as an edited one."""
+        expect(BSplineSurface, "a BSplineSurface", surface=surface)
         if surface.shape != self.surface.shape:
             return replace(
                 self,
@@ -189,7 +191,7 @@ class Reconstruction:
         Raises
         ------
         ReconstructionError
-            When the file cannot be written.
+            When the file cannot be written, or its ending is another one.
         """
         from .formats.face_file import save_face
 

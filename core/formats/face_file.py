@@ -77,6 +77,10 @@ def save_face(
     path = Path(path)
     if not path.suffix:
         path = path.with_suffix(".npz")
+    if path.suffix.lower() != ".npz":
+        raise ReconstructionError(
+            f"{path}: a face file ends in .npz; bsface.export writes the other formats."
+        )
     with replacing(path) as temporary:
         temporary.write_bytes(face_bytes(face, date))
     return path

@@ -29,6 +29,8 @@ from scipy.spatial import cKDTree
 
 from .._types import Array
 
+#: No point that is looked for is farther from the origin, mm.
+FARTHEST = 1e9
 # The four cubic pieces of the cardinal B-spline on one knot span, as polynomials of
 # the local coordinate x in [0, 1]: row = power of x, column = control point.
 _SEGMENT = (
@@ -264,8 +266,15 @@ class BSplineSurface:
         -------
         uv : (p, 2) array
         distance : (p,) array
+
+        Raises
+        ------
+        ValueError
+            Points are not finite, or farther than any face.
         """
         q = np.asarray(points, float).reshape(-1, 3)
+        if not (np.abs(q) < FARTHEST).all():
+            raise ValueError("points must be finite places in millimetres")
         nu, nv = (4 * (c - 3) + 1 for c in self.shape)
         u, v = grid_parameters(nu, nv)
         _, nearest = cKDTree(self.evaluate(u, v)).query(q)
@@ -299,7 +308,7 @@ class BSplineSurface:
             better = d < best
             uv[better], best[better] = trial[better], d[better]
             step = np.where(better, np.minimum(1.0, 2 * step), step / 2)
-            if not better.any() and step.max() < 1e-3:
+            if not better.any() and (step < 1e-3).all():
                 break
         return uv, best
 

@@ -8,7 +8,10 @@ from blender.checkout import load
 from blender.faces import points
 
 coarse_editor = load("bsface_addon.coarse_editor")
+scene = load("bsface_addon.scene")
 surface_object = load("bsface_addon.surface_object")
+shape_keys = load("bsface_addon.shape_keys")
+resampled_net = load("core.surface.bspline").resampled_net
 Outcome = load("bsface_addon.solving").Outcome
 
 
@@ -143,6 +146,17 @@ def test_keys_and_their_animation_outlive_a_net_of_another_size(face, way):
     # The action goes on being edited.
     assert smile.keyframe_insert("value", frame=21)
     assert keys.animation_data.action == action
+
+
+def test_a_failure_after_the_net_changed_its_size_costs_no_face(face):
+    surface_object.add_shape_key(face, "Smile", points(face) + (0, 0, 2))
+    net = resampled_net(points(face), (20, 22))
+    with pytest.raises(MemoryError), scene.all_or_nothing(bpy.context):
+        shape_keys.write(bpy.context, face, net)
+        raise MemoryError
+    assert bpy.data.objects["Ann"] == face
+    np.testing.assert_allclose(points(face), net, atol=1e-3)
+    assert face.data.shape_keys.key_blocks.keys() == ["Neutral", "Smile"]
 
 
 def test_a_word_that_is_too_long_for_a_key_is_refused(face):

@@ -84,3 +84,21 @@ def test_every_argument(name, good, tmp_path, monkeypatch):
                 # What Python and NumPy say is no sentence.
                 assert said[-1] == "." and "\n" not in said, (argument, wrong, said)
         assert refused, argument
+
+
+@pytest.mark.parametrize("name", ["face.step", "face.v2"])
+def test_a_face_file_has_its_own_ending(good, tmp_path, name):
+    with pytest.raises(ReconstructionError, match=rf"{name}: a face file ends in"):
+        good["track"]["face"].save(tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_methods_refuse_what_is_no_surface_and_no_place(good):
+    face = good["track"]["face"]
+    with pytest.raises(TypeError, match="surface must be a BSplineSurface, not int"):
+        face.with_surface(3)
+    for place in (np.nan, np.inf, 1e300):
+        with pytest.raises(ValueError, match="points must be finite places"):
+            face.surface.closest_point([[0.0, 0.0, place]])
+    uv, distance = face.surface.closest_point([])
+    assert uv.shape == (0, 2) and distance.shape == (0,)
