@@ -24,6 +24,7 @@ import cv2
 from ..errors import ReconstructionError
 from ..files import why_not_writable, write_text
 from ..formats import ending, export
+from ..formats.textured import exported_files, textured
 from ..json_text import to_json
 from ..kinds import expect_paths
 from ..reconstruct import reconstruct
@@ -216,22 +217,26 @@ def _write(
     face: Reconstruction, target: Path, wanted: Sequence[str]
 ) -> tuple[str, ...]:
     """Write a person's files; their names, without that of the log."""
-    files = [*wanted, FACTS]
-    for name in wanted:
-        path = target / name
-        if name == "report.html":
-            # its JSON would be that of FACTS
-            write_report(
-                path, face, timings=False, title=target.name, companions=(".png",)
-            )
-            files.append("report.png")
-        elif name == "texture.png":
-            texture = bake_texture(face, detail=False)
-            write_texture(path, texture.albedo, mask=texture.measured)
-        elif name == "face.npz":
-            face.save(path, date=DATE)
-        else:
-            export(path, face, name=target.name)
+    files: list[str] = []
+    with textured(face, wanted) as options:
+        for name in wanted:
+            path = target / name
+            files.append(name)
+            if name == "report.html":
+                # its JSON would be that of FACTS
+                write_report(
+                    path, face, timings=False, title=target.name, companions=(".png",)
+                )
+                files.append("report.png")
+            elif name == "texture.png":
+                texture = bake_texture(face, detail=False)
+                write_texture(path, texture.albedo, mask=texture.measured)
+            elif name == "face.npz":
+                face.save(path, date=DATE)
+            else:
+                export(path, face, options=replace(options, name=target.name))
+                files += [one.name for one in exported_files(path)[1:]]
+    files.append(FACTS)
     facts = result_facts(face, title=target.name, files=[*files, LOG], timings=False)
     write_text(target / FACTS, to_json(facts, indent=1) + "\n")
     return tuple(files)

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from ..errors import Cancelled, ReconstructionError, out_of_memory
-from ..files import temporary_folder
-from ..formats import (
-    HEAD_ENDINGS,
-    TEXTURE_ENDINGS,
-    ExportOptions,
-    ending,
-    export,
-    load_face,
-)
+from ..formats import HEAD_ENDINGS, export, load_face
+from ..formats.textured import exported_files, textured
 from ..json_text import to_json
 from ..progress import Step
 from ..report.facts import failure_facts, result_facts, versions
@@ -27,8 +19,6 @@ from ..report.outputs import check_outputs
 from ..report.report import report_files, write_report
 from ..result import Reconstruction
 from ..surface.template import load_template
-from ..texture.bake import bake_texture, write_texture
-from ..texture.detail import write_displacement, write_normals
 from ..threads import one_blas_thread, take_working_space
 from .arguments import Parser, check_held, check_named, parse_settings
 from .bar import Bar
@@ -164,10 +154,10 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
             for row in face.reports:
                 if row.status != "used":
                     logger.info("%s: %s", row.name, row.reason)
-            with _textured(face, args.output) as plain:
+            with textured(face, args.output) as plain:
                 options = replace(plain, head=args.head)
                 for name in args.output:
-                    written.append(export(name, face, options=options))
+                    written += exported_files(export(name, face, options=options))
                     logger.info("%s written", name)
             if args.report:
                 page = Path(args.report)
@@ -197,26 +187,6 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
     if not args.quiet:
         _tell(face, written)
     return 0
-
-
-@contextlib.contextmanager
-def _textured(face: Reconstruction, outputs: Sequence[str]) -> Iterator[ExportOptions]:
-    """Options of the export; with a texture where a format takes one."""
-    wanted = any(ending(name) in TEXTURE_ENDINGS for name in outputs)
-    if not wanted or not face.has_pixels:
-        yield ExportOptions()
-        return
-    with temporary_folder() as folder:
-        names = ("texture.png", "normal.png", "displacement.png")
-        skin, normals, displacement = (folder / name for name in names)
-        texture = bake_texture(face)
-        write_texture(skin, texture.mean)
-        if texture.detail is None:
-            yield ExportOptions(texture=skin)
-            return
-        write_normals(normals, texture.detail)
-        write_displacement(displacement, texture.detail)
-        yield ExportOptions(texture=skin, normals=normals, displacement=displacement)
 
 
 def _failed(args: argparse.Namespace, bar: Bar | None, sentence: str) -> int:

@@ -10,6 +10,7 @@ import sys
 import time
 
 import pytest
+from bsface import export, reconstruct
 from bsface.batch import (
     memory as batch_memory,
 )
@@ -22,6 +23,7 @@ from bsface.batch import (
 from bsface.batch.processes import on_processes
 from bsface.cli import batch as command
 from bsface.errors import ReconstructionError
+from bsface.formats.textured import exported_files, textured
 from bsface.settings import Settings
 from executors import InThisProcess
 from fake_face import person_folder
@@ -80,6 +82,28 @@ def test_good_people_are_done_and_bad_folders_say_why(whole):
     assert table[1] == ["ann", "done", "4", "4", " ".join(found["ann"].warnings)]
     lines = batch_record.summary_lines(outcomes)
     assert len(lines) == 6 and "4 of 4" in lines[1]
+
+
+def test_a_mesh_of_a_batch_has_the_pictures_of_a_single_run(people, tmp_path):
+    shutil.copytree(people / "ann", tmp_path / "people" / "ann")
+    out = tmp_path / "out"
+    with InThisProcess() as executor:
+        batch.run_batch(
+            tmp_path / "people", out, QUICK, wanted=["face.obj"], executor=executor
+        )
+    face = reconstruct(people / "ann", QUICK)
+    with textured(face, ["face.obj"]) as options:
+        single = exported_files(export(tmp_path / "face.obj", face, options=options))
+    names = [path.name for path in single]
+    assert names[:3] == ["face.obj", "face.mtl", "face.png"]
+    for path in single[1:]:
+        assert (out / "ann" / path.name).read_bytes() == path.read_bytes()
+    facts = json.loads((out / "ann" / "result.json").read_text("utf-8"))
+    assert facts["files"] == [*names, "result.json", "log.txt"]
+    assert {path.name for path in (out / "ann").iterdir()} == {
+        *facts["files"],
+        "done.json",
+    }
 
 
 def test_killed_and_restarted_batch_ends_with_the_same_bytes(people, whole, tmp_path):

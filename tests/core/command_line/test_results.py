@@ -52,8 +52,10 @@ def test_mesh_has_its_pictures_beside_it(capsys, photos, tmp_path):
     """Colours, normals and displacement of a face whose photos are there."""
     face = painted_reconstruction(5)
     job = lambda *args, **kwargs: face  # noqa: E731
-    code, *_ = run(capsys, photos, "-o", tmp_path / "a.obj", "-q", job=job)
+    code, said, _ = run(capsys, photos, "-o", tmp_path / "a.obj", "--json", job=job)
     assert code == 0
+    written = {str(path) for path in tmp_path.iterdir()}
+    assert set(json.loads(said)["files"]) == written and len(written) == 5
     words = (tmp_path / "a.mtl").read_text().split()
     named = [word for word in words if word.endswith(".png")]
     assert set(named) == {"a.png", "a_normal.png", "a_displacement.png"}
