@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from . import photo_stage, view_areas
-from .packed_image import packed_image
+from .packed_image import packed_image, pixels_of
 from .skin_pictures import OPACITY, TINT, Canvas, to_mask
 
 PHOTO = "bsface_mask_of"
@@ -105,11 +105,7 @@ def unified(context: bpy.types.Context) -> bpy.types.UnifiedPaintSettings:
 
 def painted(obj: bpy.types.Object) -> bytes:
     """What was painted, as the content of a mask file; empty where nothing was."""
-    image = _nodes(obj)["Strokes"].image
-    width, height = image.size
-    pixels = np.empty(4 * width * height, np.float32)
-    image.pixels.foreach_get(pixels)
-    return to_mask(pixels.reshape(height, width, 4)[::-1])
+    return to_mask(pixels_of(_nodes(obj)["Strokes"].image))
 
 
 def close_editor(context: bpy.types.Context, obj: bpy.types.Object) -> None:

@@ -17,7 +17,7 @@ from ..core.drawing.pictures import encode_png
 from ..core.errors import ReconstructionError
 from . import messages
 from .maps import Map
-from .packed_image import packed_image
+from .packed_image import packed_image, pixels_of
 
 # kind -> the name of its image and whether the light of the scene falls on it
 MAPS = {
@@ -155,7 +155,8 @@ def packed_map(face: bpy.types.Object, kind: str) -> bytes:
     if image is None:
         return b""
     if image.is_dirty and not image.is_float:
-        return _painted(image)
+        rows = np.round(255 * pixels_of(image)).astype(np.uint8)
+        return encode_png(np.ascontiguousarray(rows))
     if image.packed_file is not None:
         return image.packed_file.data
     path = Path(bpy.path.abspath(image.filepath))
@@ -164,14 +165,6 @@ def packed_map(face: bpy.types.Object, kind: str) -> bytes:
     except OSError:
         text = messages.NO_PICTURE.format(name=image.name, path=path)
         raise ReconstructionError(text) from None
-
-
-def _painted(image: bpy.types.Image) -> bytes:
-    width, height = image.size
-    pixels = np.empty(4 * width * height, np.float32)
-    image.pixels.foreach_get(pixels)
-    rows = np.round(255 * pixels).astype(np.uint8).reshape(height, width, 4)
-    return encode_png(np.ascontiguousarray(rows[::-1]))
 
 
 def stored_kinds(face: bpy.types.Object) -> list[str]:

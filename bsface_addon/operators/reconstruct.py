@@ -7,13 +7,11 @@ from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from ...core.errors import ReconstructionError
 from .. import (
-    coarse_editor,
     face_photos,
     messages,
     photo_list,
     request,
     scene,
-    session,
     showing,
 )
 from ..apply_result import apply_result
@@ -70,13 +68,7 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if session.running() is not None:
-            cls.poll_message_set(messages.RUNNING)
-            return False
-        if coarse_editor.editor() is not None:
-            cls.poll_message_set(messages.COARSE_OPEN)
-            return False
-        return True
+        return running.free_to_change(cls)
 
     def prepare(self, context):
         state = context.scene.bsface

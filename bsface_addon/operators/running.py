@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ...core.errors import ReconstructionError, out_of_memory
-from .. import cameras, coordinates, messages, scene, session, showing
+from .. import (
+    cameras,
+    coarse_editor,
+    coordinates,
+    messages,
+    scene,
+    session,
+    showing,
+)
 from ..estimate_overlay import extent
 
 if TYPE_CHECKING:
@@ -25,6 +33,17 @@ if TYPE_CHECKING:
     from ..solving import Outcome, Solver
 
 INTERVAL_S = 0.1
+
+
+def free_to_change(cls: type[bpy.types.Operator]) -> bool:
+    """Shared poll: no job runs and no coarse net is open, which would undo a change."""
+    if session.running() is not None:
+        cls.poll_message_set(messages.RUNNING)
+        return False
+    if coarse_editor.editor() is not None:
+        cls.poll_message_set(messages.COARSE_OPEN)
+        return False
+    return True
 
 
 class LongOperator:

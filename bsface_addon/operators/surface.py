@@ -9,7 +9,6 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 from ...core.problem import Constraint
 from ...core.surface.bspline import resampled_net
 from .. import (
-    coarse_editor,
     face_file,
     face_photos,
     maps,
@@ -20,14 +19,13 @@ from .. import (
     removal,
     request,
     scene,
-    session,
     shape_keys,
     showing,
     surface_object,
 )
 from ..apply_result import apply_result
 from .refusals import refusals_reported
-from .running import LongOperator
+from .running import LongOperator, free_to_change
 
 
 class FaceOperator:
@@ -53,13 +51,7 @@ class ChangingOperator(FaceOperator):
 
     @classmethod
     def poll(cls, context):
-        if session.running() is not None:
-            cls.poll_message_set(messages.RUNNING)
-            return False
-        if coarse_editor.editor() is not None:
-            cls.poll_message_set(messages.COARSE_OPEN)
-            return False
-        return super().poll(context)
+        return free_to_change(cls) and super().poll(context)
 
 
 class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator):

@@ -101,8 +101,8 @@ def write_record(folder: Path, mark: str, outcome: Outcome) -> None:
 
 def recall(folder: Path, mark: str) -> Outcome | None:
     """The outcome of an earlier run if all of it still holds, else None."""
+    content = _read_record(folder)
     try:
-        content = json.loads((folder / RECORD).read_text("utf-8"))
         files = dict(content["files"])
         if content["fingerprint"] != mark:
             return None
@@ -118,6 +118,14 @@ def recall(folder: Path, mark: str) -> Outcome | None:
         )
     except (OSError, ValueError, LookupError, TypeError, ArithmeticError):
         return None
+
+
+def _read_record(folder: Path) -> Any:
+    """What `write_record` wrote, or whatever stands in its place; None for nothing."""
+    try:
+        return json.loads((folder / RECORD).read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
     except RecursionError:  # brackets within brackets
         return None
 
@@ -132,15 +140,13 @@ def left_over(folder: Path, files: Sequence[str]) -> tuple[str, ...]:
     files : sequence of str
         Those that hold the person's face now.
     """
+    content = _read_record(folder)
     try:
-        content = json.loads((folder / RECORD).read_text("utf-8"))
         before = {str(name) for name in [*content["files"], *content.get("older", [])]}
         return tuple(
             sorted(n for n in before.difference(files) if (folder / n).exists())
         )
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return ()
-    except RecursionError:  # brackets within brackets
         return ()
 
 

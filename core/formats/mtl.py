@@ -7,6 +7,7 @@ extension for physically based rendering (Exocortex).
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -85,15 +86,20 @@ def lost_picture(
     remade : bool
         Whether they are changed on the way; otherwise each may stay where it is.
     """
-    for end, given in zip(ENDS, pictures, strict=True):
-        for ending in SIGNATURES.values() if given is not None else ():
-            target = path.with_name(plain_stem(path) + end + ending)
-            for other, source in zip(ENDS, pictures, strict=True):
-                if source is not None and (remade or other != end):
-                    with contextlib.suppress(OSError):
-                        if os.path.samefile(target, source):
-                            return target
+    named = zip(ENDS, pictures, strict=True)
+    given = {end: picture for end, picture in named if picture is not None}
+    for end, ending in itertools.product(given, SIGNATURES.values()):
+        target = path.with_name(plain_stem(path) + end + ending)
+        for other, source in given.items():
+            if (remade or other != end) and _same_file(target, source):
+                return target
     return None
+
+
+def _same_file(one: Path, other: str | os.PathLike) -> bool:
+    with contextlib.suppress(OSError):  # one of them is not there
+        return os.path.samefile(one, other)
+    return False
 
 
 def material(name: str, colour: str, pictures: Mapping[str, str]) -> str:

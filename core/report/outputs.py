@@ -9,6 +9,7 @@ from pathlib import Path
 from ..errors import ReconstructionError
 from ..files import why_not_writable
 from ..formats import WRITERS, ending
+from ..formats.mtl import ENDS, plain_stem
 from ..images.folder import is_video, scan_folder
 from ..images.mask_file import mask_file_beside
 from ..landmarks.landmarks import landmark_file_beside
@@ -102,9 +103,8 @@ def files_of(name: str | os.PathLike) -> tuple[Path, ...]:
     path = Path(name)
     if ending(path) != ".obj":
         return (path,)
-    plain = "_".join(path.stem.split())
-    ends = (".mtl", ".png", "_normal.png", "_displacement.png", "_eyes.png")
-    return (path, *(path.with_name(plain + end) for end in ends))
+    ends = (".mtl", *(f"{end}.png" for end in (*ENDS, "_eyes")))
+    return (path, *(path.with_name(plain_stem(path) + end) for end in ends))
 
 
 def _inputs(photos: str, recursive: bool) -> list[Path]:
