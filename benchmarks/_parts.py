@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from bsface.camera.camera import Camera
+from bsface.camera.camera import PARAMETERS, Camera
 from bsface.camera.prior import CameraPrior
 from bsface.images.photo import Photo
 from bsface.photometry.lighting import (
@@ -44,8 +44,8 @@ class HeldCameras(CameraPrior):
     """A prior that lets no camera move."""
 
     def precision(self) -> Array:
-        """Prior precision of each parameter, ``(7,)``."""
-        return super().precision() + HELD
+        """Prior precision of the parameters, ``(7, 7)``."""
+        return super().precision() + HELD * np.eye(PARAMETERS)
 
 
 @one_blas_thread()
@@ -72,7 +72,7 @@ def estimated_surface(
         *_, last = estimate_motion(
             problem.template, problem.prior, problem.landmarks, cameras, options
         )
-        held = CameraTerm(HeldCameras(spread=np.inf))
+        held = CameraTerm(HeldCameras(spread=np.inf), problem.landmarks.focal_px)
         parts = replace(parts, terms=[*parts.terms, held])
     estimate = select_neutral(problem, last.estimate)
     *_, last = joint(problem, estimate, never_cancelled, parts)

@@ -16,7 +16,7 @@ from .images.photo import Photo
 from .images.sources import Photos
 from .kinds import CALLBACK, expect
 from .landmarks.landmarks import Landmarks
-from .landmarks.observations import observe_landmarks
+from .landmarks.observations import believable_focal, observe_landmarks, principal_point
 from .prepare import Inputs, collect_photos
 from .progress import Progress
 from .result import Reconstruction
@@ -159,8 +159,9 @@ def _track_photo(
     template = face.template
     options = MotionOptions.from_settings(settings)
     pixels, weight = _on_index(known, marks, template.schemes[marks.scheme])
-    (x, y) = (photo.size[0] - 1) / 2, (photo.size[1] - 1) / 2
-    seen = PhotoLandmarks(pixels, weight, np.array([x, y]), photo.name)
+    focal_px = believable_focal(photo, pixels, known.landmarks_xyz, weight)
+    centre = np.array(principal_point(photo))
+    seen = PhotoLandmarks(pixels, weight, centre, photo.name, focal_px)
     pose = estimate_pose_expression(known, seen, options.camera)
     if isinstance(pose, PhotoFailure):
         return pose

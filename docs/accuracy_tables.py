@@ -282,11 +282,36 @@ def reprojection(rows: list[Row]) -> str:
     return markdown(named, (("name", "photos of"),), columns)
 
 
+def focal_lengths(rows: list[Row]) -> str:
+    """A row a set and a number of photos: far and near, without and with EXIF."""
+    keys = ("photos", "taken", "exif")
+    alike: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        alike.setdefault(tuple(row[k] for k in keys), []).append(row)
+    means = [
+        {**own[0], "set": "mean"} | {k: mean_of(own, k) for k in ("mean", "normals")}
+        for own in alike.values()
+    ]
+    lines: dict[tuple[object, object], dict[str, object]] = {}
+    for row in [*rows, *means]:
+        line = lines.setdefault((row["set"], row["photos"]), dict(row))
+        both = (number(row["mean"], ".2f"), number(row["normals"], ".1f"))
+        line[f"{row['taken']}, EXIF {row['exif']}"] = " / ".join(both)
+    columns = [
+        (f"{taken}, EXIF {exif}", f"{taken}, {how} EXIF")
+        for taken in ("far", "near")
+        for exif, how in (("no", "without"), ("yes", "with"))
+    ]
+    labels = [("set", "mean % / normals °"), ("photos", "photos"), *columns]
+    return markdown(list(lines.values()), labels, ())
+
+
 TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "sets": ("accuracy/accuracy.csv", by_set),
     "methods": ("accuracy/accuracy.csv", by_method),
     "fewer": ("fewer/ablation.csv", fewer),
     "fewer-within": ("fewer/ablation.csv", fewer_within),
+    "focal-lengths": ("near_cameras/near_cameras.csv", focal_lengths),
     "ablation": ("accuracy/ablation.csv", ablation),
     "error-budget": ("error_budget/error_budget.csv", budget),
     "reliability": ("accuracy/reliability.csv", reliability),

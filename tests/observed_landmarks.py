@@ -7,14 +7,14 @@ from bsface.surface.template import load_template
 from scipy.spatial.transform import Rotation
 
 
-def true_cameras(count=10, seed=1, kappa=True):
+def true_cameras(count=10, seed=1, kappa=True, between=(900, 1600)):
     rng = np.random.default_rng(seed)
     out = []
     for yaw in np.linspace(-40, 40, count):
         R = Rotation.from_euler(
             "yxz", [yaw, rng.uniform(-15, 15), rng.uniform(-8, 8)], degrees=True
         ).as_matrix()
-        distance = rng.uniform(900, 1600)
+        distance = rng.uniform(*between)
         s, t = rng.uniform(1.5, 4), rng.normal(0, 20, 2)
         out.append(Camera(R, s, t, 1 / distance if kappa else 0.0, (300, 250)))
     return out

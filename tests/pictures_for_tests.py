@@ -186,7 +186,11 @@ def jpeg_with_profile(jpeg: bytes, profile: bytes, part: int = 65000) -> bytes:
 
 
 def heic(
-    rgb: np.ndarray, quality: int = 95, turn: int = 1, profile: bytes = b""
+    rgb: np.ndarray,
+    quality: int = 95,
+    turn: int = 1,
+    profile: bytes = b"",
+    exif: bytes = b"",
 ) -> bytes:
     """A HEIC file as pillow-heif writes it: uint16 with 10 bits, uint8 with 8."""
     import pillow_heif
@@ -195,14 +199,14 @@ def heic(
     picture = pillow_heif.from_bytes(mode, rgb.shape[1::-1], rgb.tobytes())
     buffer = io.BytesIO()
     about = {"icc_profile": profile} if profile else {}
-    exif = Image.Exif()
-    exif[274] = turn
-    picture.save(buffer, quality=quality, exif=exif.tobytes(), **about)
+    turned = Image.Exif()
+    turned[274] = turn
+    picture.save(buffer, quality=quality, exif=exif or turned.tobytes(), **about)
     return buffer.getvalue()
 
 
 def by_pillow(kind: str, rgb: np.ndarray, **options: object) -> bytes:
-    """``AVIF`` or ``JPEG2000``."""
+    """A file of a kind that Pillow writes: ``AVIF``, ``JPEG2000``, ..."""
     buffer = io.BytesIO()
     Image.fromarray(rgb).save(buffer, kind, **options)
     return buffer.getvalue()

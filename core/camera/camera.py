@@ -22,8 +22,8 @@ from .._types import Array
 #: Parameters of `Camera.moved`: rotation vector (3, radians, applied after R), relative
 #: scale, shift in millimetres at the head (2), relative change of kappa.
 PARAMETERS = 7
-#: Index of the relative change of kappa, the inverse distance, among them.
-DISTANCE = 6
+#: Indices of the relative change of scale and of kappa, the inverse distance.
+SCALE, DISTANCE = 3, 6
 
 
 @dataclass(frozen=True)

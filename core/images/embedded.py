@@ -16,6 +16,7 @@ import numpy as np
 
 from .._types import Array, Picture8
 from .boxes import inside
+from .exif import exif_data, jpeg_segments, png_chunks, webp_chunks
 from .hdr import hlg_light, pq_light
 from .icc import SRGB_CURVE, Curve, ProfileError, RgbProfile, read_profile
 from .tiff import directory
@@ -101,67 +102,48 @@ def _to_srgb(primaries: tuple[tuple[float, float], ...]) -> Array:
 
 
 def _jpeg(view: memoryview) -> bytes | RgbProfile | None:
-    parts: dict[int, bytes] = {}
-    adobe, at = False, 2
-    while at + 4 <= len(view) and view[at] == 0xFF:
-        marker = view[at + 1]
-        if marker in (0xD9, 0xDA):
-            break
-        if marker == 0xFF:
-            at += 1
-            continue
-        (size,) = struct.unpack(">H", view[at + 2 : at + 4])
-        body = view[at + 4 : at + 2 + size]
-        if marker == 0xE2 and bytes(body[:12]) == b"ICC_PROFILE\0":
-            parts[body[12]] = bytes(body[14:])
-        elif marker == 0xE1 and bytes(body[:6]) == b"Exif\0\0":
-            with contextlib.suppress(struct.error, IndexError, KeyError):
-                adobe = _says_adobe(body[6:])
-        at += 2 + size
+    parts = {
+        body[12]: bytes(body[14:])
+        for marker, body in jpeg_segments(view)
+        if marker == 0xE2 and bytes(body[:12]) == b"ICC_PROFILE\0"
+    }
     if parts:
         return b"".join(parts[number] for number in sorted(parts))
-    if adobe:  # its curve is a power of 563/256 (Adobe RGB (1998), 4.3.1.2)
+    if _says_adobe(view):  # its curve is a power of 563/256 (Adobe RGB (1998), 4.3.1.2)
         curve = Curve(np.empty(0), np.array([563 / 256, 1, 0, 0, 0, 0, 0]))
         return RgbProfile((curve,) * 3, _to_srgb(_ADOBE))
     return None
 
 
-def _says_adobe(exif: memoryview) -> bool:
+def _says_adobe(view: memoryview) -> bool:
     """Whether EXIF's interoperability index is ``R03``: Adobe RGB by DCF 2.0."""
-    more = directory(exif, directory(exif)[_TIFF_EXIF].number())
-    index = directory(exif, more[_EXIF_INTEROPERABILITY].number())
-    return bytes(index[1].data[:3]) == b"R03"
+    with contextlib.suppress(struct.error, IndexError, KeyError):
+        exif = exif_data(view, "JPEG")
+        if exif is not None:
+            more = directory(exif, directory(exif)[_TIFF_EXIF].number())
+            index = directory(exif, more[_EXIF_INTEROPERABILITY].number())
+            return bytes(index[1].data[:3]) == b"R03"
+    return False
 
 
 def _png(view: memoryview) -> bytes | RgbProfile | None:
-    at = 8
     profile = None
-    while at + 12 <= len(view):
-        (size,) = struct.unpack(">I", view[at : at + 4])
-        name = bytes(view[at + 4 : at + 8])
-        body = view[at + 8 : at + 8 + size]
+    for name, body in png_chunks(view):
         if name == b"IDAT":
             break
-        if name == b"cICP" and size == 4:  # stands above iCCP (PNG 3, 4.3)
+        if name == b"cICP" and len(body) == 4:  # stands above iCCP (PNG 3, 4.3)
             return coded_profile(body[0], body[1])
         if name == b"iCCP":
             end = bytes(body[:80]).index(b"\0") if 0 in body[:80] else 80
             packed = zlib.decompressobj()
             profile = packed.decompress(body[end + 2 :], _MOST_BYTES)
-        at += 12 + size
     return profile
 
 
 def _webp(view: memoryview) -> bytes | None:
-    at = 12
-    while at + 8 <= len(view):
-        name, size = struct.unpack("<4sI", view[at : at + 8])
-        if name == b"ICCP":
-            return bytes(view[at + 8 : at + 8 + size])
-        if name in (b"VP8 ", b"VP8L", b"ANIM"):
-            return None
-        at += 8 + size + size % 2
-    return None
+    profiles = (body for name, body in webp_chunks(view) if name == b"ICCP")
+    found = next(profiles, None)
+    return None if found is None else bytes(found)
 
 
 def _tiff(view: memoryview) -> bytes | None:

@@ -42,6 +42,8 @@ class Photo:
         What the reader should know about how it was read, in one sentence; or empty.
     mask : (h', w') float32 array or None
         Of the whole original, from a mask file: 1 = skin, 0 = not, 0.5 = unknown.
+    focal_px : float or None
+        Focal length in pixels of the original; None if the file does not name it.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Photo:
     window: Window = (0.0, 0.0, 1.0)
     note: str = ""
     mask: Array32 | None = None
+    focal_px: float | None = None
 
     def linear(self) -> Array32:
         """(h, w, 3) float32 linear intensity in [0, 1], the sRGB curve undone."""

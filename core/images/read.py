@@ -27,6 +27,7 @@ from .decode import (
     judge_header,
 )
 from .embedded import embedded_profile
+from .focal_length import focal_length_px
 from .header import OPTIONAL, ImageHeader, read_header
 from .icc import ProfileError
 from .photo import Photo
@@ -103,7 +104,15 @@ def read_photo(
     else:
         pixels = pixels if profile is None else to_srgb(pixels, profile)
     size = _original_size(header, pixels.shape, reduction)
-    return Photo(name, path, size, pixels, (0.0, 0.0, 1.0 / reduction), note)
+    return Photo(
+        name,
+        path,
+        size,
+        pixels,
+        (0.0, 0.0, 1.0 / reduction),
+        note,
+        focal_px=focal_length_px(data, header.format, size),
+    )
 
 
 def read_opacity(path: Path) -> Array32 | None:

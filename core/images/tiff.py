@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-_CODES = {1: "B", 2: "s", 3: "H", 4: "I", 7: "B", 13: "I", 16: "Q", 18: "Q"}
+_CODES = {1: "B", 2: "s", 3: "H", 4: "I", 5: "II", 7: "B", 13: "I", 16: "Q", 18: "Q"}
 _MOST_ENTRIES = 1000
 
 
@@ -27,6 +27,13 @@ class Field:
     def number(self) -> int:
         """The first value."""
         return struct.unpack_from(self.code, self.data)[0]
+
+    def quotient(self) -> float:
+        """The first value; of two numbers, the first over the second (nan over 0)."""
+        values = struct.unpack_from(self.code, self.data)
+        if len(values) == 1:
+            return float(values[0])
+        return values[0] / values[1] if values[1] else float("nan")
 
 
 def directory(view: memoryview, at: int | None = None) -> dict[int, Field]:

@@ -8,9 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._types import Array, Indices
+from ..camera.camera import Camera
+from ..camera.linear_pose import linear_pose
 from ..images.photo import Photo
 from ..surface.template import Template
 from .landmarks import Landmarks
+
+#: Nobody takes a face from nearer.
+NEAREST_MM = 250.0
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,8 @@ class LandmarkObservations:
         Principal point of each photo, pixels.
     names : tuple of n str
         The photos, for messages.
+    focal_px : tuple of n float or None
+        Focal length of each photo, pixels; None where it is not known.
     """
 
     pixels: Array
@@ -40,6 +47,7 @@ class LandmarkObservations:
     uv: Array
     principal: Array
     names: tuple[str, ...] = ()
+    focal_px: tuple[float | None, ...] = ()
 
     def __post_init__(self) -> None:
         n, f = self.pixels.shape[:2]
@@ -57,6 +65,8 @@ class LandmarkObservations:
         if len(self.names) != n:
             names = tuple(f"photo {i + 1}" for i in range(n))
             object.__setattr__(self, "names", names)
+        if len(self.focal_px) != n:
+            object.__setattr__(self, "focal_px", (None,) * n)
 
 
 def observe_landmarks(
@@ -79,7 +89,33 @@ def observe_landmarks(
         template.landmark_uv[index],
         np.array([principal_point(photo) for photo in photos]).reshape(-1, 2),
         tuple(photo.name for photo in photos),
+        tuple(
+            believable_focal(photo, pixels[i], template.landmark_xyz, weight[i])
+            for i, photo in enumerate(photos)
+        ),
     )
+
+
+def believable_focal(
+    photo: Photo, pixels: Array, Q: Array, weight: Array
+) -> float | None:
+    """The focal length of a photo, pixels, unless it cannot be that of its face.
+
+    A camera so near shows that the picture is a crop.
+
+    Parameters
+    ----------
+    photo : Photo
+    pixels, weight : (f, 2), (f,) arrays
+        Landmarks in the photo, weight 0 where one is missing.
+    Q : (f, 3) array
+        The same on a face, mm.
+    """
+    if photo.focal_px is None:
+        return None
+    pose = linear_pose(pixels, Q, weight, principal_point(photo), photo.name)
+    near = isinstance(pose, Camera) and photo.focal_px < NEAREST_MM * pose.s
+    return None if near else photo.focal_px
 
 
 def principal_point(photo: Photo) -> tuple[float, float]:

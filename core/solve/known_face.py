@@ -9,9 +9,10 @@ face; where they sit on this one is learnt from the photos that it was made of.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from .._types import Array, Indices
 from ..camera.camera import PARAMETERS, Camera
@@ -99,12 +100,15 @@ class PhotoLandmarks:
         Principal point, pixels.
     name : str
         The photo, for messages.
+    focal_px : float or None
+        Its focal length, pixels; None if it is not known.
     """
 
     pixels: Array
     weight: Array
     principal: Array
     name: str = "photo"
+    focal_px: float | None = None
 
 
 @dataclass(frozen=True)
@@ -221,23 +225,22 @@ def estimate_pose_expression(
     photo : PhotoLandmarks
     prior : CameraPrior, optional
     """
-    prior = prior or CameraPrior()
+    prior = (prior or CameraPrior()).of_photo(photo.focal_px)
     x, y = photo.principal
     start = linear_pose(
         photo.pixels, face.landmarks_xyz, photo.weight, (float(x), float(y)), photo.name
     )
     if not isinstance(start, Camera):
         return start
-    kappa = 1 / prior.distance_mm
-    camera = Camera(start.R, start.s, start.t, kappa, start.principal)
+    camera = replace(start, kappa=prior.kappa(start.s))
     k = face.offsets.shape[2]
     e = np.zeros(k)
-    hold = np.concatenate([prior.precision(), np.ones(k)])
+    hold = block_diag(prior.precision(), np.eye(k))
     iterations = 0
     while iterations < ITERATIONS:
         iterations += 1
         A, b = pose_equations(face, camera, e, photo)
-        A[np.diag_indices_from(A)] += hold
+        A += hold
         b += np.concatenate([prior.pull(camera), -e])
         step = np.linalg.solve(A, b)
         camera, e = camera.moved(step[:PARAMETERS]), e + step[PARAMETERS:]

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import block_diag
 
 from .._types import Array
 from ..camera.camera import PARAMETERS, Camera
@@ -194,9 +195,9 @@ def _step(
     own, right = pose_equations(face, camera, e, marks)
     A[:q, :q] += options.landmark_weight * own
     b[:q] += options.landmark_weight * right
-    hold = np.concatenate([options.camera.precision(), np.ones(len(e) + len(light))])
-    A[np.diag_indices_from(A)] += hold
-    b[:q] += np.concatenate([options.camera.pull(camera), -e])
+    prior = options.camera.of_photo(marks.focal_px)
+    A += block_diag(prior.precision(), np.eye(len(e) + len(light)))
+    b[:q] += np.concatenate([prior.pull(camera), -e])
     step = np.linalg.solve(A, b)
     size = max(
         np.abs(step[:PARAMETERS] * _UNITS).max(),

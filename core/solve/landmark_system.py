@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 
 from .._types import Array
 from ..camera.camera import DISTANCE, Camera
@@ -108,7 +108,6 @@ class LandmarkModel:
             Called once per photo.
         """
         n = len(cameras)
-        hold = np.concatenate([self.camera.precision(), np.ones(e.shape[1])])
         H, g = self.precision.copy(), -(self.precision @ m.ravel())
         blocks, halves = [], []
         squares = weights = 0.0
@@ -118,7 +117,9 @@ class LandmarkModel:
             weight = self.landmarks.weight[i] * facing_weight(camera, Q, self.normals)
             pixels = self.landmarks.pixels[i]
             rows = landmark_rows(camera, Q, pixels, weight, self.sigma)
-            pull = np.concatenate([self.camera.pull(camera), -e[i]])
+            known = self.camera.of_photo(self.landmarks.focal_px[i])
+            hold = block_diag(known.precision(), np.eye(e.shape[1]))
+            pull = np.concatenate([known.pull(camera), -e[i]])
             block = _photo_block(rows, self.E, hold, pull)
             halves.append(block.eliminate_from(H, g, rows))
             blocks.append(block)
@@ -191,7 +192,7 @@ def _photo_block(rows: LandmarkRows, E: Array, hold: Array, pull: Array) -> _Pho
     own = np.concatenate([rows.by_camera, J @ E], 2)
     weighted = w[:, None, None] * own
     q = own.shape[2]
-    A = own.reshape(-1, q).T @ weighted.reshape(-1, q) + np.diag(hold)
+    A = own.reshape(-1, q).T @ weighted.reshape(-1, q) + hold
     b = rows.residual.ravel() @ weighted.reshape(-1, q) + pull
     B = np.matmul(J.transpose(0, 2, 1), weighted).reshape(-1, q)
     return _PhotoBlock(np.linalg.cholesky(A), B, b)

@@ -97,7 +97,9 @@ def initial_cameras(
         )
         if not isinstance(pose, Camera):
             raise ReconstructionError(pose.reason)
-        cameras.append(replace(pose, kappa=1 / prior.distance_mm))
+        cameras.append(
+            replace(pose, kappa=prior.of_photo(landmarks.focal_px[i]).kappa(pose.s))
+        )
     return cameras
 
 

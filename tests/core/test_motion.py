@@ -5,11 +5,12 @@ from dataclasses import replace
 import hypothesis
 import numpy as np
 import pytest
+from bsface.camera.camera import PARAMETERS
 from bsface.camera.linear_pose import linear_pose
-from bsface.camera.prior import CameraPrior
+from bsface.camera.prior import FOCAL_SPREAD, CameraPrior
 from bsface.solve.expression import expression_offsets
 from bsface.solve.landmark_term import facing_weight, landmark_rows
-from bsface.solve.motion import MotionOptions, estimate_motion
+from bsface.solve.motion import MotionOptions, estimate_motion, initial_cameras
 from bsface.surface.alignment import fit_similarity
 from bsface.surface.bspline import basis_matrix
 from bsface.surface.prior import shape_prior
@@ -130,6 +131,60 @@ def test_perspective_of_one_camera_does_not_shape_the_face(template, prior, inde
         options = replace(RIGID, camera=CameraPrior(400.0))
         found = last(template, prior, seen, start(template, seen, kappa), options)
         assert structure_error(found, Q).mean() < 0.5
+
+
+def test_a_known_focal_length_gives_the_distance(template, prior, index):
+    """Photos at arm's length: the usual distance is far from theirs."""
+    _, Q = person(template, prior, index)
+    cameras = true_cameras(between=(350, 500))
+    seen = observe(Q, cameras, index, noise=0.5)
+    told = replace(seen, focal_px=tuple(camera.focal_px for camera in cameras))
+    options = replace(RIGID, noise_mm=0.7, offset_mm=1.2)
+    off = {}
+    for name, marks in (("unknown", seen), ("known", told)):
+        begin = initial_cameras(template, marks, options.camera)
+        found = last(template, prior, marks, begin, options)
+        ratios = [
+            f.distance_mm / c.distance_mm
+            for f, c in zip(found.cameras, cameras, strict=True)
+        ]
+        off[name] = float(np.median(np.abs(np.log(ratios))))
+    assert off["known"] < 0.05 < 0.1 < off["unknown"]
+
+
+@pytest.mark.parametrize("focal_px", [None, 900.0])
+def test_the_pull_of_a_camera_is_the_slope_of_its_prior(focal_px):
+    """Central differences of the logarithm of the density, twice."""
+    prior = CameraPrior(1000.0, 0.3, 0.0, focal_px)
+    camera = replace(true_cameras(1)[0], kappa=1 / 700)
+
+    def density(step):
+        moved = camera.moved(step)
+        if focal_px is None:
+            return -0.5 * (np.log(moved.distance_mm / 1000) / 0.3) ** 2
+        return -0.5 * (np.log(moved.focal_px / focal_px) / FOCAL_SPREAD) ** 2
+
+    h = 1e-3
+    steps = h * np.eye(PARAMETERS)
+    slope = [(density(s) - density(-s)) / (2 * h) for s in steps]
+    np.testing.assert_allclose(prior.pull(camera), slope, atol=1e-5)
+    bend = [
+        [
+            (density(a + b) - density(a - b) - density(b - a) + density(-a - b))
+            / (4 * h * h)
+            for b in steps
+        ]
+        for a in steps
+    ]
+    np.testing.assert_allclose(prior.precision(), -np.array(bend), atol=1e-3)
+
+
+def test_a_focal_length_is_not_asked_under_orthography(template, index):
+    cameras = true_cameras(3, kappa=False)
+    seen = observe(template.landmark_xyz[index], cameras, index)
+    told = replace(seen, focal_px=(900.0,) * 3)
+    poses = initial_cameras(template, told, CameraPrior(np.inf))
+    assert all(pose.kappa == 0 for pose in poses)
 
 
 def test_scaled_orthography_stays_that(template, prior, index):

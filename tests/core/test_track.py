@@ -153,6 +153,20 @@ def test_expression_is_seen(person):
     assert after < 0.4 * before
 
 
+def test_a_known_focal_length_gives_the_distance(person):
+    surface, marks = person
+    known = exact(surface, marks)
+    (camera,) = cameras(1, seed=3)
+    near = replace(camera, kappa=1 / 400)
+    few = (np.arange(len(marks)) % 20 == 0).astype(float)
+    seen = seen_by(near, marks, few)
+    seen.pixels[:] += np.random.default_rng(6).normal(0, 3, seen.pixels.shape)
+    unknown = estimate_pose_expression(known, seen)
+    told = estimate_pose_expression(known, replace(seen, focal_px=near.focal_px))
+    assert abs(np.log(told.camera.distance_mm / 400)) < 0.05
+    assert abs(np.log(unknown.camera.distance_mm / 400)) > 0.1
+
+
 def test_few_wrong_landmarks_do_not_matter(person):
     surface, marks = person
     known = exact(surface, marks)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,15 +84,18 @@ class CameraTerm:
     Attributes
     ----------
     prior : CameraPrior
+    focal_px : sequence of n float or None
+        Focal length of each photo, pixels; None where it is not known.
     """
 
     prior: CameraPrior
+    focal_px: Sequence[float | None]
 
     def add_to(self, system: BorderedSystem) -> None:
         """Add the prior of all cameras."""
         for i, camera in enumerate(system.state.cameras):
-            precision = np.diag(self.prior.precision())
-            system.add_photo(i, CAMERA, precision, self.prior.pull(camera))
+            known = self.prior.of_photo(self.focal_px[i])
+            system.add_photo(i, CAMERA, known.precision(), known.pull(camera))
 
 
 @dataclass(frozen=True)
@@ -192,7 +196,7 @@ def default_terms(
             options.landmark_mm,
             options.landmark_weight,
         ),
-        CameraTerm(prior),
+        CameraTerm(prior, seen.focal_px),
         ExpressionTerm(options.expression_spread),
         LightDamping(options.light_damping),
     ]
