@@ -193,6 +193,28 @@ def photo_noise(view: Array, residual: Array, noise: float) -> Array:
     return noise * np.clip(factors, *NOISE_RANGE)
 
 
+def independent_share(noise: float | Array, usual: float, share: float) -> Array:
+    """Share of the samples of each photo that count as independent, ``(n, 1)``.
+
+    What is not modelled (another expression, a hard shadow, make-up, compression) makes
+    residuals that are larger, and alike from point to point.  So the larger the noise
+    of a photo, the fewer of its samples count: less than of the others if it is above
+    the median of all photos, and less of all photos if that is above the usual.
+
+    Parameters
+    ----------
+    noise : float or (n, 1) array
+        Of the photos, see `photo_noise`.
+    usual : float
+        Noise of a usual photo.
+    share : float
+        Of photos that all have the usual noise, or less.
+    """
+    relative = np.reshape(np.asarray(noise, float) / usual, (-1, 1))
+    middle = float(np.median(relative))
+    return share * middle / relative / max(middle, 1.0) ** 2
+
+
 def robust_normals(
     values: Array,
     view: Array,

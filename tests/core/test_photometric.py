@@ -7,6 +7,7 @@ from bsface.photometry.lighting import (
     NOISE_RANGE,
     USUAL_RESIDUAL,
     estimate_lighting,
+    independent_share,
     light_diversity,
     photo_noise,
     robust_normals,
@@ -231,3 +232,21 @@ def test_noise_is_the_usual_one_where_nothing_tells():
     np.testing.assert_allclose(
         photo_noise(view, residual, 0.06)[1:, 0], (0.06 * NOISE_RANGE[1], 0.06)
     )
+
+
+@given(st.lists(st.floats(0.4, 3.0), min_size=1, max_size=12), st.floats(0.001, 1.0))
+def test_noisier_photos_have_fewer_independent_samples(relative, share):
+    noise = 0.06 * np.array(relative)[:, None]
+    found = independent_share(noise, 0.06, share)
+    assert found.shape == noise.shape
+    order = np.argsort(noise.ravel(), kind="stable")
+    assert (np.diff(found.ravel()[order]) <= 1e-12).all()
+    # the noise times the share is the same for all photos
+    np.testing.assert_allclose(found * noise, (found * noise)[0, 0])
+
+
+@pytest.mark.parametrize(("relative", "expected"), [(0.5, 0.3), (1.0, 0.3), (2, 0.075)])
+def test_equal_photos_have_the_share_of_the_settings_unless_all_are_noisy(
+    relative, expected
+):
+    assert independent_share(0.06 * relative, 0.06, 0.3) == pytest.approx(expected)

@@ -275,7 +275,7 @@ def read_photos(
 
 
 def linearise(
-    seen: Readings, shading: Shading, samples: Samples, independence: float
+    seen: Readings, shading: Shading, samples: Samples, independence: float | Array
 ) -> Linearisation:
     """Derivatives of all residuals.
 
@@ -284,8 +284,8 @@ def linearise(
     seen : Readings
     shading : Shading
     samples : Samples
-    independence : float
-        Share of the samples that count as independent.
+    independence : float or (n, 1) array
+        Share of the samples that count as independent, of all photos or of each.
     """
     geometry, albedo, lights = seen.geometry, shading.albedo, shading.lights
     n = len(lights)

@@ -22,11 +22,11 @@ from .terms import default_terms
 # Added in quadrature it brings the stated deviation near the truth on the sets with
 # ground truth (reliability tables of the accuracy page).  It is other in each photo, so
 # the mean over the photos has less of it, as far as that was measured.
-MODEL_ERROR_MM = 1.25
+MODEL_ERROR_MM = 1.0
 MEASURED_PHOTOS = 40
 # The same where expressions differ, for photos of the usual noise: what the expression
-# modes do not span is in the residuals too, and counts with their square.
-MIXED_MODEL_ERROR_MM = 0.36
+# modes do not span is in the residuals too, and counts with this power of them.
+MIXED_MODEL_ERROR_MM, MIXED_POWER = 0.34, 1.5
 
 
 def joint(
@@ -142,7 +142,7 @@ def model_error(
     if not mixed:
         return error
     relative = float(np.median(noise)) / usual
-    return max(error, MIXED_MODEL_ERROR_MM * relative**2)
+    return max(error, MIXED_MODEL_ERROR_MM * relative**MIXED_POWER)
 
 
 def photometric_evidence(last: JointIteration) -> PhotometricEvidence:

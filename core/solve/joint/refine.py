@@ -16,6 +16,7 @@ import numpy as np
 
 from ..._types import Array
 from ...images.photo import Photo
+from ...photometry.lighting import independent_share
 from ...photometry.sampling import smooth_photo, view_weights
 from ...photometry.skin import SkinMask
 from ...progress import CheckCancelled
@@ -132,7 +133,8 @@ class Refinement:
         shading = solve(seen, samples, state)
         state = replace(state, lights=shading.lights, albedo=shading.albedo)
         check_cancelled()
-        rows = linearise(seen, shading, samples, options.independence)
+        share = independent_share(shading.noise, options.noise, options.independence)
+        rows = linearise(seen, shading, samples, share)
         check_cancelled()
         return Evidence(state, seen, shading, rows)
 

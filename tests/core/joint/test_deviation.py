@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bsface.solve.joint.marginal import displacement_deviation
-from bsface.solve.joint.method import model_error
+from bsface.solve.joint.method import MIXED_POWER, model_error
 from bsface.solve.joint.options import JointOptions
 from joint_dense import full_system
 
@@ -28,7 +28,7 @@ def test_deviation_with_an_albedo_that_splines_do_not_span(case, prior):
     _, one, _, _ = case
     ratio = displacement_deviation(one.system, 4) / dense_deviation(one, prior)
     assert 0.8 < ratio.min() <= ratio.max() < 1.2
-    assert abs(np.median(ratio) - 1) < 0.05
+    assert abs(np.median(ratio) - 1) < 0.07
 
 
 def test_what_the_matrix_cannot_know_grows_with_the_noise_of_mixed_expressions():
@@ -37,7 +37,7 @@ def test_what_the_matrix_cannot_know_grows_with_the_noise_of_mixed_expressions()
     found = model_error(noise, 0.06, photos=40, mixed=True)
     assert found > plain
     double = model_error(2 * noise, 0.06, photos=40, mixed=True)
-    assert double == pytest.approx(4 * found)
+    assert double == pytest.approx(2**MIXED_POWER * found)
     assert model_error(2 * noise, 0.12, photos=40, mixed=True) == pytest.approx(found)
     assert model_error(0.001, 0.06, photos=40, mixed=True) == plain
 
