@@ -22,6 +22,8 @@ from . import harmonics
 #: The size of residuals, relative to the photo's median, at which a photo has the
 #: noise that the settings name.
 USUAL_RESIDUAL = 0.05
+#: Power with which the independence of samples falls where all photos are noisier.
+NOISY_POWER = 1.5
 #: Factors on that noise for other photos: smallest, largest.
 NOISE_RANGE = (0.4, 3.0)
 
@@ -212,7 +214,7 @@ def independent_share(noise: float | Array, usual: float, share: float) -> Array
     """
     relative = np.reshape(np.asarray(noise, float) / usual, (-1, 1))
     middle = float(np.median(relative))
-    return share * middle / relative / max(middle, 1.0) ** 2
+    return share * middle / relative / max(middle, 1.0) ** NOISY_POWER
 
 
 def robust_normals(

@@ -245,7 +245,7 @@ def test_noisier_photos_have_fewer_independent_samples(relative, share):
     np.testing.assert_allclose(found * noise, (found * noise)[0, 0])
 
 
-@pytest.mark.parametrize(("relative", "expected"), [(0.5, 0.3), (1.0, 0.3), (2, 0.075)])
+@pytest.mark.parametrize(("relative", "expected"), [(0.5, 0.3), (1, 0.3), (4, 0.3 / 8)])
 def test_equal_photos_have_the_share_of_the_settings_unless_all_are_noisy(
     relative, expected
 ):
