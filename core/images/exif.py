@@ -14,6 +14,8 @@ from .tiff import Field, directory
 
 _MARK = b"Exif\0\0"
 _EXIF_DIRECTORY = 34665
+# Further parts of a file are not looked at: no camera writes so many.
+_MOST = 100_000
 
 
 def exif_fields(view: memoryview, kind: str) -> dict[int, Field]:
@@ -53,7 +55,9 @@ def exif_data(view: memoryview, kind: str) -> memoryview | None:
 def jpeg_segments(view: memoryview) -> Iterator[tuple[int, memoryview]]:
     """Marker and content of the segments of a JPEG before its pixels."""
     at = 2
-    while at + 4 <= len(view) and view[at] == 0xFF:
+    for _ in range(_MOST):
+        if at + 4 > len(view) or view[at] != 0xFF:
+            return
         marker = view[at + 1]
         if marker in (0xD9, 0xDA):
             return
@@ -68,7 +72,9 @@ def jpeg_segments(view: memoryview) -> Iterator[tuple[int, memoryview]]:
 def png_chunks(view: memoryview) -> Iterator[tuple[bytes, memoryview]]:
     """Name and content of the chunks of a PNG."""
     at = 8
-    while at + 12 <= len(view):
+    for _ in range(_MOST):
+        if at + 12 > len(view):
+            return
         (size,) = struct.unpack(">I", view[at : at + 4])
         yield bytes(view[at + 4 : at + 8]), view[at + 8 : at + 8 + size]
         at += 12 + size
@@ -77,7 +83,9 @@ def png_chunks(view: memoryview) -> Iterator[tuple[bytes, memoryview]]:
 def webp_chunks(view: memoryview) -> Iterator[tuple[bytes, memoryview]]:
     """Name and content of the chunks of a WebP."""
     at = 12
-    while at + 8 <= len(view):
+    for _ in range(_MOST):
+        if at + 8 > len(view):
+            return
         name, size = struct.unpack("<4sI", view[at : at + 8])
         yield name, view[at + 8 : at + 8 + size]
         at += 8 + size + size % 2
@@ -141,17 +149,17 @@ def _item(view: memoryview, wanted: int) -> memoryview | None:
                 raise IndexError("iloc is cut short")
             return int.from_bytes(content[at - size : at], "big")
 
+        indexed = index_size if version in (1, 2) else 0
         for _ in range(take(4 if version == 2 else 2)):
             number = take(4 if version == 2 else 2)
             in_file = version == 0 or take(2) & 15 == 0
             take(2)  # data reference
-            base, found = take(base_size), None
-            for _ in range(take(2)):
-                take(index_size if version in (1, 2) else 0)
+            base, extents = take(base_size), take(2)
+            if number == wanted and in_file and extents:
+                take(indexed)
                 start, length = base + take(offset_size), take(length_size)
-                found = found or (start, length)
-            if number == wanted and in_file and found:
-                return view[found[0] : found[0] + found[1]]
+                return view[start : start + length]
+            take(extents * (indexed + offset_size + length_size))
     return None
 
 
