@@ -16,13 +16,19 @@ import numpy as np
 
 from .._types import Array, Picture8
 from .boxes import inside
-from .exif import exif_data, jpeg_segments, png_chunks, webp_chunks
+from .exif import (
+    exif_data,
+    exif_directory,
+    jpeg_segments,
+    png_chunks,
+    webp_chunks,
+)
 from .hdr import hlg_light, pq_light
 from .icc import SRGB_CURVE, Curve, ProfileError, RgbProfile, read_profile
 from .tiff import directory
 
 _MOST_BYTES = 20_000_000
-_TIFF_ICC, _TIFF_EXIF, _EXIF_INTEROPERABILITY = 34675, 34665, 40965
+_TIFF_ICC, _EXIF_INTEROPERABILITY = 34675, 40965
 # Primaries of H.273 table 2 -> linear RGB to linear sRGB; all have the white of D65.
 _SRGB = np.eye(3)
 _CHROMATICITIES = {
@@ -120,7 +126,7 @@ def _says_adobe(view: memoryview) -> bool:
     with contextlib.suppress(struct.error, IndexError, KeyError):
         exif = exif_data(view, "JPEG")
         if exif is not None:
-            more = directory(exif, directory(exif)[_TIFF_EXIF].number())
+            more = exif_directory(exif)
             index = directory(exif, more[_EXIF_INTEROPERABILITY].number())
             return bytes(index[1].data[:3]) == b"R03"
     return False

@@ -30,14 +30,21 @@ def exif_fields(view: memoryview, kind: str) -> dict[int, Field]:
     """
     try:
         data = exif_data(view, kind)
-        if data is None:
-            return {}
-        first = directory(data)
-        if _EXIF_DIRECTORY not in first:
-            return {}
-        return directory(data, first[_EXIF_DIRECTORY].number())
+        return {} if data is None else exif_directory(data)
     except (struct.error, IndexError, OverflowError):
         return {}
+
+
+def exif_directory(data: memoryview) -> dict[int, Field]:
+    """The EXIF directory of `exif_data`, empty where they have none.
+
+    Raises
+    ------
+    struct.error
+        It is not all there.
+    """
+    pointer = directory(data).get(_EXIF_DIRECTORY)
+    return {} if pointer is None else directory(data, pointer.number())
 
 
 def exif_data(view: memoryview, kind: str) -> memoryview | None:
