@@ -20,7 +20,7 @@ from _faces import surface_face
 from _methods import Outcome, run
 from _parts import Channel, EqualWeights, estimated_surface, nothing_hidden
 from _reliability import reliability
-from _sets import FaceSet, each_set, load_measure, load_set, score
+from _sets import FaceSet, each_set, load_measure, load_set, score, some_photos
 from _table import averages, text_table, write_csv
 from bsface.errors import ReconstructionError
 from bsface.prepare import collect_photos, make_problem
@@ -287,11 +287,12 @@ def reduced(
     collection: PhotoCollection, template: Template, scheme: str, chosen: np.ndarray
 ) -> PhotoCollection:
     """Some of the photos, with fewer landmarks."""
-    marks = [collection.landmarks[i] for i in chosen]
-    if scheme != "468":
-        marks = [m.subset(scheme, template.schemes[scheme]) for m in marks]
-    photos = tuple(collection.photos[i] for i in chosen)
-    return replace(collection, photos=photos, landmarks=tuple(marks))
+    found = some_photos(collection, chosen)
+    if scheme == "468":
+        return found
+    index = template.schemes[scheme]
+    marks = tuple(m.subset(scheme, index) for m in found.landmarks)
+    return replace(found, landmarks=marks)
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

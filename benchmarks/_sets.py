@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import importlib.util
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
 from _faces import Face
+from bsface.problem import PhotoCollection
 
 ROOT = Path(__file__).resolve().parents[1]
 Result = TypeVar("Result")
@@ -126,6 +127,16 @@ def load_set(data: Path, name: str) -> FaceSet:
     with np.load(data / name / "ground_truth.npz", allow_pickle=False) as z:
         truth = {k: z[k] for k in z.files}
     return FaceSet(name, data / name / "images", truth)
+
+
+def some_photos(collection: PhotoCollection, which: Iterable[int]) -> PhotoCollection:
+    """A collection of some of the photos, by their numbers."""
+    which = list(which)
+    return replace(
+        collection,
+        photos=tuple(collection.photos[i] for i in which),
+        landmarks=tuple(collection.landmarks[i] for i in which),
+    )
 
 
 def each_set(

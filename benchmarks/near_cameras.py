@@ -27,7 +27,16 @@ from typing import Any
 import cv2
 import numpy as np
 from _faces import surface_face
-from _sets import EVAL, ROOT, each_set, find_sets, load_measure, load_set, score
+from _sets import (
+    EVAL,
+    ROOT,
+    each_set,
+    find_sets,
+    load_measure,
+    load_set,
+    score,
+    some_photos,
+)
 from _table import text_table, write_csv
 from bsface.drawing.rasterize import rasterize
 from bsface.prepare import collect_photos, make_problem
@@ -87,7 +96,7 @@ def measured(
         collection = collect_photos(folder, settings)
         for count in counts:
             for told in (False, True):
-                chosen = some_photos(collection, count, told)
+                chosen = chosen_photos(collection, count, told)
                 problem = make_problem(chosen, template, settings)
                 face = solve(problem)
                 found = score(measure, surface_face(face.surface, face.template), one)
@@ -97,15 +106,17 @@ def measured(
     return rows
 
 
-def some_photos(collection: PhotoCollection, count: int, told: bool) -> PhotoCollection:
+def chosen_photos(
+    collection: PhotoCollection, count: int, told: bool
+) -> PhotoCollection:
     """So many photos of a collection, with the focal length of their files or not."""
     total = len(collection.photos)
     which = np.linspace(0, total - 1, min(count, total)).astype(int)
-    photos = [collection.photos[i] for i in which]
-    if not told:
-        photos = [replace(photo, focal_px=None) for photo in photos]
-    marks = tuple(collection.landmarks[i] for i in which)
-    return replace(collection, photos=tuple(photos), landmarks=marks)
+    found = some_photos(collection, which)
+    if told:
+        return found
+    untold = tuple(replace(photo, focal_px=None) for photo in found.photos)
+    return replace(found, photos=untold)
 
 
 def retake(source: Path, folder: Path, near: bool) -> None:

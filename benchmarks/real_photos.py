@@ -27,7 +27,7 @@ import argparse
 import logging
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -44,7 +44,7 @@ from _compare import (
 )
 from _meshes import photo_meshes, procrustes_mean, scaled_to_eyes
 from _methods import changed_settings
-from _sets import ROOT
+from _sets import ROOT, some_photos
 from _table import text_table, write_csv
 from bsface.drawing.pictures import encode_jpeg, write_png
 from bsface.drawing.render import render_views
@@ -174,11 +174,7 @@ def halves(
     meshes = photo_meshes(collection)
     found = []
     for part in (np.sort(order[::2]), np.sort(order[1::2])):
-        some = replace(
-            collection,
-            photos=tuple(collection.photos[i] for i in part),
-            landmarks=tuple(collection.landmarks[i] for i in part),
-        )
+        some = some_photos(collection, part)
         surface = solve(make_problem(some, template, settings)).surface
         mesh = procrustes_mean(meshes[part])
         mesh = scaled_to_eyes(mesh, template, settings.eye_distance_mm)
