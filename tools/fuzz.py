@@ -79,7 +79,10 @@ def main() -> int:
     options = p.parse_args()
     if options.only is None:
         return fuzz_all(options)
-    (target,) = (t for t in targets() if t.name == options.only)
+    known = {target.name: target for target in targets()}
+    if options.only not in known:
+        p.error(f"no loader {options.only!r}; there are: {', '.join(known)}.")
+    target = known[options.only]
     start = time.perf_counter()
     tried, taken, found = fuzz(
         target, options.examples, options.seed or 0, options.minutes

@@ -244,8 +244,8 @@ def robust_normals(
         Weight of staying at ``start``, relative to the data of a usual point.
     rounds : int
         Alternations of lights and per-point steps.
-    tick : callable, optional
-        Called in each of them.
+    check_cancelled : callable
+        Called in each of them; may raise `Cancelled`.
 
     Returns
     -------

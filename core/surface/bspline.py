@@ -261,11 +261,16 @@ class BSplineSurface:
         Parameters
         ----------
         points : (p, 3) array
+            Millimetres, in the frame of the surface.
+        iterations : int
+            Newton steps.
 
         Returns
         -------
         uv : (p, 2) array
+            In [0, 1].
         distance : (p,) array
+            Millimetres.
 
         Raises
         ------

@@ -102,6 +102,7 @@ def principal_curvatures(surface: BSplineSurface, u: Array, v: Array):
 
     Parameters
     ----------
+    surface : BSplineSurface
     u, v : (p,), (q,) arrays
 
     Returns

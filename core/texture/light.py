@@ -174,8 +174,8 @@ def estimate_lights(
     front : (k,) array
         As in `PhotoLights`.
     iterations : int
-    tick : callable, optional
-        Called for each photo in every iteration.
+    check_cancelled : callable
+        Called for each photo in every iteration; may raise `Cancelled`.
 
     Returns
     -------
