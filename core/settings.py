@@ -64,7 +64,7 @@ class Settings:
         False: scaled orthography, the camera of section 2.3.1.
     distance_mm : float
         Typical distance between camera and head; each photo finds its own about it. A
-        photo whose EXIF data name its focal length does not need it.
+        photo whose file names its focal length does not need it.
     expressions : bool
         Let every photo have its own expression; the result is the calmest one.
     landmark_offset_mm : float

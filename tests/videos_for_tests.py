@@ -84,6 +84,36 @@ def with_pixel_aspect(path: Path, wide: int, high: int) -> None:
     _describe(path, struct.pack(">I4sII", 16, b"pasp", wide, high))
 
 
+def with_metadata(
+    path: Path,
+    said: Sequence[tuple[str, int, bytes]],
+    *,
+    level: str = "track",
+    plain: bool = False,
+) -> None:
+    """Give an MP4 metadata: names, types and values, of its track or of the file.
+
+    ``plain`` writes them as QuickTime does, without version and flags.
+    """
+
+    def box(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I4s", len(body) + 8, kind) + body
+
+    handler = box(b"hdlr", struct.pack(">II4s12xx", 0, 0, b"mdta"))
+    names = [box(b"mdta", name.encode()) for name, _, _ in said]
+    keys = box(b"keys", struct.pack(">II", 0, len(names)) + b"".join(names))
+    items = [
+        box(
+            struct.pack(">I", number), box(b"data", struct.pack(">II", kind, 0) + value)
+        )
+        for number, (_, kind, value) in enumerate(said, start=1)
+    ]
+    body = handler + keys + box(b"ilst", b"".join(items))
+    added = box(b"meta", body if plain else bytes(4) + body)
+    place = (b"moov", b"trak") if level == "track" else (b"moov",)
+    path.write_bytes(_replaced(path.read_bytes(), place, lambda old: old + added))
+
+
 def _describe(path: Path, box: bytes) -> None:
     """Add a box to what an MP4 says of its pictures."""
 

@@ -1,4 +1,7 @@
-"""Boxes: the parts of HEIF, AVIF, JPEG 2000 and MP4 files (ISO/IEC 14496-12, 4.2)."""
+"""Boxes: the parts of HEIF, AVIF, JPEG 2000, MP4 and QuickTime files.
+
+ISO/IEC 14496-12, 4.2; Apple, QuickTime File Format.
+"""
 
 from __future__ import annotations
 
@@ -40,8 +43,9 @@ def inside(view: memoryview, *path: bytes) -> Iterator[memoryview]:
     for kind, content in boxes(view):
         if kind != path[0]:
             continue
-        if kind == b"meta":
-            content = content[4:]  # version and flags
+        # Version and flags, which QuickTime's own files do not have there.
+        if kind == b"meta" and bytes(content[4:8]) != b"hdlr":
+            content = content[4:]
         if len(path) == 1:
             yield content
         else:

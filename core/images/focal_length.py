@@ -44,8 +44,6 @@ def focal_length_px(data: Picture8, kind: str, size: tuple[int, int]) -> float |
     """
     tags = exif_fields(data.data, kind)
     long, short = max(size), min(size)
-    if not any(_alike(long / short, shape) for shape in _SHAPES):
-        return None
     written = [_value(tags.get(tag)) for tag in (_WIDTH, _HEIGHT)]
     if all(written) and not _alike(max(written) / min(written), long / short):
         return None
@@ -53,10 +51,34 @@ def focal_length_px(data: Picture8, kind: str, size: tuple[int, int]) -> float |
         return None
     if _CROPPED in bytes(data[:_XMP_BYTES]):
         return None
-    diagonal = math.hypot(long, short)
-    film = _value(tags.get(_FOCAL_35)) / _FILM_DIAGONAL_MM * diagonal
-    focal = film or _by_sensor(tags, max(written)) * long
-    return focal if _NEAREST <= focal / diagonal <= _FARTHEST else None
+    film_mm = _value(tags.get(_FOCAL_35))
+    if film_mm == 0:
+        diagonals = math.hypot(long, short) / long
+        film_mm = _by_sensor(tags, max(written)) / diagonals * _FILM_DIAGONAL_MM
+    return of_film(film_mm, size)
+
+
+def of_film(film_mm: float, size: tuple[int, int]) -> float | None:
+    """Pixels of a focal length that is stated as that of 35 mm film.
+
+    Parameters
+    ----------
+    film_mm : float
+        Focal length on film of 36 x 24 mm with the same angle over the diagonal.
+    size : (int, int)
+        Width and height of the original, turned or not.
+
+    Returns
+    -------
+    float or None
+        None if no lens is so long or so short, or no camera has pictures of the shape.
+    """
+    if not any(_alike(max(size) / min(size), shape) for shape in _SHAPES):
+        return None
+    diagonals = film_mm / _FILM_DIAGONAL_MM
+    if not _NEAREST <= diagonals <= _FARTHEST:
+        return None
+    return diagonals * math.hypot(*size)
 
 
 def _by_sensor(tags: dict[int, Field], width: float) -> float:

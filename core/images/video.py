@@ -21,11 +21,13 @@ from ..errors import PhotoFailure
 from ..progress import CheckCancelled, never_cancelled
 from .capture import opened
 from .decode import LIMITS, MIN_SIDE, Limits, judge_file
+from .focal_length import of_film
 from .frame_size import size_change
 from .frames import Frame, choose_frames, time_code
 from .icc import ProfileError
 from .photo import Photo
 from .video_colour import Convert, frame_converter, read_colour, unchanged
+from .video_focal_length import film_focal_mm
 from .wanted_frames import wanted_frames
 from .watching import Watched, watch
 
@@ -53,6 +55,8 @@ class VideoFrames:
     pixel_aspect : float
         Width of a pixel, as it is shown, in parts of its height. Frames are handed out
         with square pixels.
+    film_mm : float
+        Focal length as that of 35 mm film; 0 = not stated.
     held : mapping of int to (h, w, 3) uint8 array
         Pixels of frames, by their number, that need not be decoded again; at most
         `Limits.held_bytes`.
@@ -65,6 +69,7 @@ class VideoFrames:
     limits: Limits = LIMITS
     convert: Convert = unchanged
     pixel_aspect: float = 1.0
+    film_mm: float = 0.0
     held: Mapping[int, Picture8] = field(default_factory=dict, repr=False)
 
     @property
@@ -101,7 +106,15 @@ class VideoFrames:
             bgr = cv2.resize(bgr, size, interpolation=how)
         rgb = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
         window = (0.0, 0.0, 1.0 / reduction)
-        return Photo(name, None, (w, h), self.convert(rgb), window, self.note)
+        return Photo(
+            name,
+            None,
+            (w, h),
+            self.convert(rgb),
+            window,
+            self.note,
+            focal_px=of_film(self.film_mm, (w, h)),
+        )
 
 
 def read_video(
@@ -213,7 +226,15 @@ def read_video(
     chosen = choose_frames(seen.frames, count)
     seen.held.keep(chosen)
     return VideoFrames(
-        path, name, chosen, note, limits, convert, aspect, seen.held.pictures
+        path,
+        name,
+        chosen,
+        note,
+        limits,
+        convert,
+        pixel_aspect=aspect,
+        film_mm=film_focal_mm(path),
+        held=seen.held.pictures,
     )
 
 
