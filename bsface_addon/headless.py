@@ -20,7 +20,7 @@ import sys
 import traceback
 from pathlib import Path
 
-FAILED, USAGE, INTERRUPTED = 1, 2, 130
+FAILED, INTERRUPTED = 1, 130
 COMMAND = "bsface"
 
 

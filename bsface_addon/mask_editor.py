@@ -30,7 +30,6 @@ BRUSHES = {
 }
 KIND = "bsface_kind"
 BRUSH_PX = 40
-IMAGE_MODE = ("mode", "canvas")
 VIEW_SETTINGS = ("view_transform", "look", "exposure", "gamma")
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
 
 from ..core.errors import ReconstructionError
+from ..core.images.sources import photo_names
 from . import messages
 from .packed_image import packed_image
 from .stored_facts import landmark_text
@@ -81,16 +81,8 @@ def replace(state, paths):
 
 def rename(state):
     """Give each row the name that the core will give its photo."""
-    # A file's name may be no text; Blender's and the core's names are.
-    names = [
-        absolute(row).name.encode("utf-8", "replace").decode("utf-8")
-        for row in state.photos
-    ]
-    count, taken = Counter(names), Counter()
+    names = photo_names(absolute(row).name for row in state.photos)
     for row, name in zip(state.photos, names, strict=True):
-        if count[name] > 1:
-            taken[name] += 1
-            name = f"{name} ({taken[name]})"
         row.name = name
 
 

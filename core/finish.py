@@ -91,7 +91,9 @@ def photo_reports(problem: Problem, estimate: FaceEstimate) -> tuple[PhotoReport
             PhotoReport(
                 name=photo.name,
                 status="used",
-                reason=f"{collection.landmarks[i].note} {photo.note}".strip(),
+                reason="; ".join(
+                    filter(None, (collection.landmarks[i].note, photo.note))
+                ),
                 reprojection_pct=float(100 * np.median(away[seen.weight[i] > 0]) / eye),
                 yaw=yaw,
                 pitch=pitch,

@@ -25,7 +25,6 @@ from .images.sources import (
     Photos,
     check_names,
     ignored_names,
-    is_name_of,
     photo_sources,
 )
 from .landmarks.candidates import CandidateReader
@@ -209,7 +208,7 @@ def collect_photos(
     ----------
     photos : folder, video, or sequence of paths or (H, W, 3) arrays
     settings : Settings, optional
-        Used are ``landmarks``, ``detector`` and ``one_person``.
+        Used are ``landmarks``, ``detector``, ``one_person`` and ``control_points``.
     inputs : Inputs, optional
     progress : callable, optional
         Called with a `Step` before and after each photo; its ``overall`` is the
@@ -226,12 +225,8 @@ def collect_photos(
     sources, hints = photo_sources(photos, inputs.recursive)
     known = [name for name, _ in sources]
     check_names(inputs.ignore, known, "leave out")
-    for given, purpose in (
-        (inputs.landmarks, "have the given landmarks"),
-        (inputs.masks, "have the given mask"),
-    ):
-        if not any(is_name_of(name, known) for name in given):
-            check_names(list(given), known, purpose)
+    check_names(list(inputs.landmarks), known, "have the given landmarks")
+    check_names(list(inputs.masks), known, "have the given mask")
     reader = CandidateReader(
         template, settings, inputs.landmarks, inputs.models, inputs.masks
     )

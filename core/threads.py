@@ -18,6 +18,8 @@ import scipy
 from scipy.linalg import cholesky
 from scipy.linalg.blas import dgemm
 
+from .process_state import Undo, WhileAnyone
+
 
 @contextlib.contextmanager
 def one_blas_thread() -> Iterator[None]:
@@ -25,15 +27,8 @@ def one_blas_thread() -> Iterator[None]:
 
     Does nothing where they are built with another BLAS.
     """
-    before = []
-    for get, set_ in _controls():
-        before.append((set_, get()))
-        set_(1)
-    try:
+    with _ONE_THREAD.held():
         yield
-    finally:
-        for set_, count in before:
-            set_(count)
 
 
 def take_working_space() -> None:
@@ -44,6 +39,21 @@ def take_working_space() -> None:
     """
     A = np.ones((256, 256))
     dgemm(1.0, A @ A, cholesky(np.eye(256)))
+
+
+def _take_one_thread() -> Undo:
+    before = [(set_, get()) for get, set_ in _controls()]
+    for set_, _ in before:
+        set_(1)
+
+    def undo() -> None:
+        for set_, count in before:
+            set_(count)
+
+    return undo
+
+
+_ONE_THREAD = WhileAnyone(_take_one_thread)
 
 
 @lru_cache(maxsize=1)

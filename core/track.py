@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ from .solve.known_face import (
     known_face,
 )
 from .solve.known_face_shading import (
+    CAMERA_DAMPING,
     ShadingOptions,
     refine_pose_expression,
     skin_samples,
@@ -169,7 +170,9 @@ def _track_photo(
         albedo = face.photometric.albedo.mean(1)
         skin = skin_samples(known, face.photometric.uv, albedo)
         shading = ShadingOptions(
-            noise=settings.intensity_noise, independence=settings.independence
+            noise=settings.intensity_noise,
+            independence=settings.independence,
+            camera=replace(options.camera, damping=CAMERA_DAMPING),
         )
         pose = refine_pose_expression(known, skin, pose, photo, seen, shading)
     return TrackedPhoto(

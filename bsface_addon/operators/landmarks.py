@@ -170,8 +170,10 @@ class BSFACE_OT_face_next(RowOperator, LongOperator, bpy.types.Operator):
 
     def prepare(self, context):
         row = self.wanted(context)
-        if landmark_editor.editor() is not None:
-            bpy.ops.bsface.landmarks_done(keep=False)
+        editor = landmark_editor.editor()
+        if editor is not None:  # edits of this photo are of the face that goes
+            same = editor[landmark_editor.PHOTO] == row.name
+            bpy.ops.bsface.landmarks_done(keep=not same)
         scheme = context.scene.bsface.settings.landmarks
         return PhotoToLookAt(photo_list.absolute(row), row.name, scheme)
 

@@ -14,11 +14,12 @@ from bpy.props import (
 )
 
 from ...core.errors import ReconstructionError
+from ...core.images.folder import READABLE_ENDINGS
 from .. import messages, photo_list, session, turned
 from .refusals import refusals_reported
 from .running import LongOperator
 
-ENDINGS = "*.jpg;*.jpeg;*.png;*.tif;*.tiff;*.webp;*.bmp"
+ENDINGS = ";".join(f"*{ending}" for ending in sorted(READABLE_ENDINGS))
 
 
 def ready(cls, context, needs_photos=True):

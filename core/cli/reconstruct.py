@@ -126,7 +126,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
             report=args.report,
             log=args.log,
             photos=args.photos,
-            read=[] if args.template is None else [args.template],
+            read=[name for name in (args.template, args.start) if name is not None],
             recursive=args.recursive,
         )
         if args.head:

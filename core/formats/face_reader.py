@@ -5,6 +5,8 @@ They come from other people and other versions too: each is judged before it is 
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -32,6 +34,10 @@ CAMERA_SHAPES = {"R": (3, 3), "s": (), "t": (2,), "kappa": (), "principal": (2,)
 #: Control points along each side, and how far from the origin they may lie, mm.
 MAX_NET, MAX_MM = 256, 1e5
 MIN_MM = 1e-3  #: a surface that is smaller than this is none
+OTHER_SETTINGS = (
+    "The file holds values that this version cannot use for {names}; the defaults are "
+    "in their place."
+)
 OTHER_TEMPLATE = (
     "The face was made of another template than the one it is read with; give that "
     "template too, or its expressions and regions are not right."
@@ -82,6 +88,9 @@ def face_from_arrays(
     digest = arrays.get("template_digest")
     if digest is not None and str(digest) != base.digest():
         warnings += (OTHER_TEMPLATE,)
+    settings, unfit = _settings(arrays, surface.shape)
+    if unfit:
+        warnings += (OTHER_SETTINGS.format(names=", ".join(unfit)),)
     return Reconstruction(
         surface=surface,
         template=template,
@@ -91,7 +100,7 @@ def face_from_arrays(
         photometric=_photometric(arrays, len(photos)),
         reports=_reports(arrays),
         deviation=_optional(arrays, deviation, *surface.shape),
-        settings=_settings(arrays, surface.shape),
+        settings=settings,
         expressions=expressions,
         constraint=_constraint(arrays, surface.shape),
         history=_history(about),
@@ -227,16 +236,24 @@ def _constraint(arrays: Arrays, shape: tuple[int, int]) -> Constraint | None:
     return Constraint(points, softness)
 
 
-def _settings(arrays: Arrays, shape: tuple[int, int]) -> Settings:
-    """Settings of the run; unknown ones, of another version, are passed over."""
+def _settings(
+    arrays: Arrays, shape: tuple[int, int]
+) -> tuple[Settings, tuple[str, ...]]:
+    """Settings of the run, and the names of those whose values cannot be used.
+
+    Unknown settings, of another version, are passed over.
+    """
     values = from_json(arrays, "settings", dict)
-    known = Settings().to_dict()
-    values = {name: value for name, value in values.items() if name in known}
-    try:
-        return Settings.from_dict(values)
-    except ValueError:
-        net = shape if max(shape) <= 120 and min(shape) >= 8 else (42, 44)
-        return Settings(control_points=net)
+    settings, unfit = Settings(), []
+    with contextlib.suppress(ValueError):
+        settings = Settings.of(settings, {"control_points": shape})
+    for name in settings.to_dict():
+        if name in values:
+            try:
+                settings = Settings.of(settings, {name: values[name]})
+            except ValueError:
+                unfit.append(name)
+    return settings, tuple(unfit)
 
 
 def _reports(arrays: Arrays) -> tuple[PhotoReport, ...]:
@@ -245,7 +262,7 @@ def _reports(arrays: Arrays) -> tuple[PhotoReport, ...]:
         if not isinstance(row, Mapping):
             raise ValueError("report is not a list of photos")
         number = {
-            name: float("nan") if not isinstance(value, int | float) else float(value)
+            name: _number(value)
             for name, value in row.items()
             if name in PhotoReport.__dataclass_fields__
             and name not in ("name", "status", "reason")
@@ -263,12 +280,17 @@ def _history(about: Mapping[str, Any]) -> tuple[HistoryEntry, ...]:
     for row in rows if isinstance(rows, list) else ():
         if isinstance(row, Mapping):
             numbers = (row.get("residual"), row.get("step_mm"))
-            values = [
-                float(x) if isinstance(x, int | float) else float("nan")
-                for x in numbers
-            ]
-            out.append(HistoryEntry(str(row.get("stage", "")), *values))
+            stage = str(row.get("stage", ""))
+            out.append(HistoryEntry(stage, *map(_number, numbers)))
     return tuple(out)
+
+
+def _number(value: object) -> float:
+    """NaN for what is no number, or too large for one."""
+    try:
+        return float(value) if isinstance(value, int | float) else math.nan
+    except OverflowError:
+        return math.nan
 
 
 def _names(arrays: Arrays, name: str, count: int) -> tuple[str, ...]:

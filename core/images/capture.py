@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 
+from ..process_state import Undo, WhileAnyone, nothing
 from .decode import quiet
 
 
@@ -23,7 +24,7 @@ def opened(path: Path, *, coded: bool = False) -> Iterator[cv2.VideoCapture]:
         Frames come as they are stored, not decoded.
     """
     options = [cv2.CAP_PROP_FORMAT, -1] if coded else []
-    with quiet(), _quiet_ffmpeg():
+    with quiet(), _QUIET_FFMPEG.held():
         video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, options)
     try:
         video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
@@ -32,15 +33,17 @@ def opened(path: Path, *, coded: bool = False) -> Iterator[cv2.VideoCapture]:
         video.release()
 
 
-@contextlib.contextmanager
-def _quiet_ffmpeg() -> Iterator[None]:
+def _silence_ffmpeg() -> Undo:
     """FFmpeg says on stderr what we say in the report; OpenCV asks here how loudly."""
     name = "OPENCV_FFMPEG_LOGLEVEL"
-    before = os.environ.get(name)
-    if before is None:
-        os.environ[name] = "-8"  # AV_LOG_QUIET
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
+    if name in os.environ:
+        return nothing
+    os.environ[name] = "-8"  # AV_LOG_QUIET
+
+    def undo() -> None:
+        os.environ.pop(name, None)
+
+    return undo
+
+
+_QUIET_FFMPEG = WhileAnyone(_silence_ffmpeg)

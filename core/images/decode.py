@@ -17,6 +17,7 @@ import numpy as np
 
 from .._types import Array32, Picture8
 from ..errors import PhotoFailure, out_of_memory
+from ..process_state import Undo, WhileAnyone
 from .header import OPTIONAL, READABLE, ImageHeader
 
 MIN_SIDE = 32
@@ -224,12 +225,17 @@ def decode_alpha(data: Picture8 | None) -> Array32 | None:
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
     """OpenCV warns on stderr about each damaged file; we say it in the report."""
+    with _QUIET.held():
+        yield
+
+
+def _silence() -> Undo:
     # OpenCV 4.13 moved the two functions.
     moved = getattr(cv2.utils, "logging", None)
     log = cv2 if hasattr(cv2, "getLogLevel") or moved is None else moved
     level = log.getLogLevel()
     log.setLogLevel(_SILENT)
-    try:
-        yield
-    finally:
-        log.setLogLevel(level)
+    return lambda: log.setLogLevel(level)
+
+
+_QUIET = WhileAnyone(_silence)

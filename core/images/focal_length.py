@@ -10,6 +10,7 @@ is not true of it any more: where a crop shows, the focal length counts as unkno
 from __future__ import annotations
 
 import math
+import struct
 
 from .._types import Picture8
 from .exif import exif_fields
@@ -96,7 +97,10 @@ def _by_sensor(tags: dict[int, Field], width: float) -> float:
 
 def _value(field: Field | None) -> float:
     """The number of a tag, 0 if it is missing or no number above 0."""
-    value = 0.0 if field is None else field.quotient()
+    try:
+        value = 0.0 if field is None else field.quotient()
+    except struct.error:
+        return 0.0
     return value if math.isfinite(value) and value > 0 else 0.0
 
 

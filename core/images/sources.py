@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -44,11 +45,12 @@ def photo_sources(photos: Photos, recursive: bool) -> tuple[Sources, tuple[str, 
     """
     if isinstance(photos, str | os.PathLike):
         if is_video(Path(photos)):
-            return [(_printable(Path(photos).name), Path(photos))], ()
+            return [(printable(Path(photos).name), Path(photos))], ()
         scan = scan_folder(photos, recursive)
         if not scan.sources:
             raise ReconstructionError(nothing_found(scan))
-        return [(_printable(scan.shown(p)), p) for p in scan.sources], scan.hints()
+        names = photo_names([scan.shown(path) for path in scan.sources])
+        return list(zip(names, scan.sources, strict=True)), scan.hints()
     if isinstance(photos, np.ndarray) and _one_picture(photos):
         raise ReconstructionError(
             f"One picture of shape {photos.shape} was given in place of several; "
@@ -66,17 +68,23 @@ def photo_sources(photos: Photos, recursive: bool) -> tuple[Sources, tuple[str, 
         raise ReconstructionError(
             "No photos were given; give one at least, better ten or more."
         )
-    names = [
-        _printable(item.name) if isinstance(item, Path) else f"picture {i + 1}"
+    names = photo_names(
+        item.name if isinstance(item, Path) else f"picture {i + 1}"
         for i, item in enumerate(items)
-    ]
-    count = Counter(names)
-    taken: Counter[str] = Counter()
+    )
+    return list(zip(names, items, strict=True)), ()
+
+
+def photo_names(wanted: Iterable[str]) -> list[str]:
+    """Names that can be printed and are unlike each other: equal ones get numbers."""
+    names = [printable(name) for name in wanted]
+    count, taken = Counter(names), set(names)
     for i, name in enumerate(names):
         if count[name] > 1:
-            taken[name] += 1
-            names[i] = f"{name} ({taken[name]})"
-    return list(zip(names, items, strict=True)), ()
+            numbered = (f"{name} ({number})" for number in itertools.count(1))
+            names[i] = next(other for other in numbered if other not in taken)
+            taken.add(names[i])
+    return names
 
 
 def _source(item: object) -> Path | np.ndarray:
@@ -119,8 +127,10 @@ def ignored_names(given: object) -> tuple[str, ...]:
 
 
 def is_name_of(name: str, names: Sequence[str]) -> bool:
-    """Whether it is one of the names; a frame's is its video's and a time code."""
-    return name in names or str(name).rpartition(" ")[0] in names
+    """Whether it is one of the names; that of a frame begins with its video's."""
+    return name in names or any(
+        name.startswith(f"{video} ") for video in names if is_video(Path(video))
+    )
 
 
 def check_names(given: Sequence[str], names: Sequence[str], purpose: str) -> None:
@@ -150,6 +160,6 @@ def check_names(given: Sequence[str], names: Sequence[str], purpose: str) -> Non
             )
 
 
-def _printable(name: str) -> str:
+def printable(name: str) -> str:
     """The name as it can be printed: bytes that are no text become "?"."""
     return one_line(name.encode("utf-8", "replace").decode("utf-8"))

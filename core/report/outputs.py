@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 from ..errors import ReconstructionError
 from ..files import why_not_writable
 from ..formats import WRITERS, ending
-from ..formats.mtl import ENDS, plain_stem
+from ..formats.mtl import ENDS, SIGNATURES, plain_stem
 from ..images.folder import is_video, scan_folder
 from ..images.mask_file import mask_file_beside
 from ..landmarks.landmarks import landmark_file_beside
@@ -103,7 +104,8 @@ def files_of(name: str | os.PathLike) -> tuple[Path, ...]:
     path = Path(name)
     if ending(path) != ".obj":
         return (path,)
-    ends = (".mtl", *(f"{end}.png" for end in (*ENDS, "_eyes")))
+    pictures = itertools.product((*ENDS, "_eyes"), SIGNATURES.values())
+    ends = (".mtl", *map("".join, pictures))
     return (path, *(path.with_name(plain_stem(path) + end) for end in ends))
 
 

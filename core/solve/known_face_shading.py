@@ -9,7 +9,7 @@ expression and light; the landmarks keep a small weight.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,8 @@ MAX_STEP = 0.2  # radians, relative scale; expressions in standard deviations ti
 # Rotation, scale, shift (a hundred millimetres count as 1), distance.
 _UNITS = np.array([1, 1, 1, 1, 0.01, 0.01, 0.3])
 _ORDER = 9  # harmonics of the light
+#: Precision of the step of a camera's parameters.
+CAMERA_DAMPING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class ShadingOptions:
     landmark_weight: float = 0.05
     grazing: float = 0.25
     light_ridge: float = 1e-3
-    camera: CameraPrior = field(default_factory=lambda: CameraPrior(damping=1e-6))
+    camera: CameraPrior = CameraPrior(damping=CAMERA_DAMPING)  # noqa: RUF009 (frozen)
 
 
 @dataclass(frozen=True)

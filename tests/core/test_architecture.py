@@ -11,8 +11,8 @@ ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core"
 ADDON = ROOT / "bsface_addon"
 
-# A module may import from its own room and from those below. Everything may import
-# the modules of the ground: what all rooms speak.
+# A module may import from its own package and from those below. Everything may import
+# the modules of the ground: what all packages use.
 GROUND = {
     "_types",
     "_start",
@@ -22,12 +22,13 @@ GROUND = {
     "json_text",
     "kinds",
     "npz_arrays",
+    "process_state",
     "progress",
     "settings",
     "threads",
     "versions",
 }
-ROOMS = [
+PACKAGES = [
     "surface",
     "camera",
     "images",
@@ -92,13 +93,13 @@ def absolute_imports(path: Path):
             yield node.module.split(".")[0]
 
 
-def room(name: str) -> int:
+def level(name: str) -> int:
     """0 for the ground, 1 for surface, ..."""
     first = name.split(".")[0]
     if first in GROUND:
         return 0
-    assert first in ROOMS, f"core/{first} has no room: name it in this test"
-    return 1 + ROOMS.index(first)
+    assert first in PACKAGES, f"core/{first} has no place: name it in this test"
+    return 1 + PACKAGES.index(first)
 
 
 @pytest.mark.parametrize("name", [n for n in modules() if n not in ENTRANCES])
@@ -107,9 +108,9 @@ def test_imports_point_down(name):
         other
         for other in imported(name, modules()[name])
         if (name, other) not in UPWARD
-        and (other in ENTRANCES or room(other) > room(name))
+        and (other in ENTRANCES or level(other) > level(name))
     ]
-    assert not above, f"core/{name} imports {above} from a room above its own"
+    assert not above, f"core/{name} imports {above} from a package above its own"
 
 
 @pytest.mark.parametrize("path", modules().values(), ids=modules().keys())

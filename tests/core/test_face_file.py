@@ -169,6 +169,36 @@ def test_a_face_of_version_1_is_read(full, tmp_path):
     arrays_equal(old.photometric.albedo, full.photometric.albedo)
 
 
+def read_with(face, tmp_path, **changes):
+    """A face read from a file some of whose arrays are others."""
+    path = tmp_path / "face.npz"
+    path.write_bytes(npz_bytes(face_arrays(face, DATE) | changes))
+    return load(path)
+
+
+def test_a_setting_that_cannot_be_used_takes_no_other_with_it(full, tmp_path):
+    said = full.settings.to_dict() | {
+        "method": "paper",
+        "eye_distance_mm": 65.0,
+        "lam": -1.0,
+        "of_another_version": 3,
+    }
+    found = read_with(full, tmp_path, settings=np.array(to_json(said)))
+    assert found.settings == replace(
+        full.settings, method="paper", eye_distance_mm=65.0, lam=Settings().lam
+    )
+    (warning,) = set(found.warnings) - set(full.warnings)
+    assert "cannot use for lam;" in warning
+
+
+def test_numbers_too_large_for_a_float_are_unknown(full, tmp_path):
+    row = '[{"name": "a", "status": "used", "reason": "", "yaw": 1' + "0" * 400 + "}]"
+    history = '{"history": [{"stage": "motion", "residual": 1' + "0" * 400 + "}]}"
+    found = read_with(full, tmp_path, report=np.array(row), about=np.array(history))
+    assert np.isnan(found.reports[0].yaw)
+    assert np.isnan(found.history[0].residual)
+
+
 def changed(**arrays):
     return lambda a: a.update({k: np.array(v) for k, v in arrays.items()})
 

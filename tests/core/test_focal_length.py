@@ -134,6 +134,49 @@ def test_damaged_files_are_read_without_an_error(data):
     assert isinstance(exif_fields(array.data, kind), dict)
 
 
+SHORT, LONG, RATIONAL, TEXT = 3, 4, 5, 2
+ENTRIES = st.tuples(
+    st.sampled_from(
+        [FOCAL, X, Y, DENSITY, UNIT, ZOOM, FILM, 256, 257, 258, 277, 34665]
+    ),
+    st.integers(0, 18),
+    st.integers(0, 5),
+    st.integers(0, 200),
+)
+
+
+def tiff_of(entries):
+    """A file of one directory: tag, type, number of values, and where they stand."""
+    rows = b"".join(struct.pack("<HHII", *entry) for entry in entries)
+    return struct.pack("<2sHIH", b"II", 42, 8, len(entries)) + rows + bytes(8)
+
+
+@given(st.lists(ENTRIES, max_size=12))
+def test_tags_of_any_type_and_length_are_read_without_an_error(entries):
+    data = np.frombuffer(tiff_of(entries), np.uint8)
+    header = read_header(data)
+    assert header is None or header.format == "TIFF"
+    exif = b"Exif\0\0" + data.tobytes()
+    segment = struct.pack(">HH", 0xFFE1, len(exif) + 2) + exif
+    photo = np.frombuffer(b"\xff\xd8" + segment, np.uint8)
+    for file, kind in ((data, "TIFF"), (photo, "JPEG")):
+        assert isinstance(exif_fields(file.data, kind), dict)
+        found = focal_length_px(file, kind, (WIDTH, HEIGHT))
+        assert found is None or found > 0
+
+
+@pytest.mark.parametrize(
+    "kind", [(TEXT, 4, 0), (RATIONAL, 0, 0), (RATIONAL, 1, 90_000)]
+)
+def test_a_width_that_is_no_number_counts_as_missing(kind):
+    """The 35 mm entry beside it is used."""
+    rows = tiff_of([(X, *kind), (FILM, SHORT, 1, 26)])
+    data = tiff_of([(34665, LONG, 1, 26)])[:22] + bytes(4) + rows[8:]
+    assert focal_length_px(
+        np.frombuffer(data, np.uint8), "TIFF", (WIDTH, HEIGHT)
+    ) == pytest.approx(EXPECTED)
+
+
 def test_a_crop_shows_by_a_face_that_no_camera_is_so_near_to():
     template = load_template()
     photo = read_photo(GREY)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bsface.errors import ReconstructionError
+from bsface.images.sources import is_name_of, photo_names
 from bsface.prepare import Inputs, collect_photos
 from bsface.problem import Constraint
 from photo_folders import NO_DETECTOR, front_landmarks
@@ -87,3 +88,33 @@ def test_softness_of_a_constraint_that_is_no_length(softness):
 def test_a_constraint_of_another_kind():
     with pytest.raises(TypeError, match="must be a Constraint, not dict"):
         Inputs(constraint={"points": np.ones((10, 11), bool)})
+
+
+def test_one_misnamed_among_others(picture):
+    """The photo that it belongs to would be used without it, without a word."""
+    marks = front_landmarks("468", name="picture 1")
+    given = {"picture 1": marks, "pictuer 2": marks}
+    with pytest.raises(ReconstructionError, match="no photo 'pictuer 2' to have"):
+        collect_photos([picture, picture], NO_DETECTOR, Inputs(landmarks=given))
+
+
+def test_names_are_unlike_each_other_whatever_the_files_are_called():
+    """Two names that are no text look alike; a number may be another's name."""
+    wanted = ["a\udce9.jpg", "a\udcea.jpg", "b.jpg", "a?.jpg (1)", "c\nd.jpg"]
+    found = photo_names(wanted)
+    assert found == ["a?.jpg (2)", "a?.jpg (3)", "b.jpg", "a?.jpg (1)", "c\\nd.jpg"]
+
+
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [
+        ("clip.mp4 00:12.433", True),
+        ("clip.mp4 00:12.433 frame 300", True),
+        ("clip.mp4", True),
+        ("a.jpg", True),
+        ("a.jpg typo", False),
+        ("clip.mp4frame", False),
+    ],
+)
+def test_names_of_frames_begin_with_that_of_their_video(name, known):
+    assert is_name_of(name, ("a.jpg", "clip.mp4")) == known

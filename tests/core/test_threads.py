@@ -10,7 +10,7 @@ def counts():
 
 
 def test_wheels_of_numpy_and_scipy_are_found():
-    """Both bring an OpenBLAS of their own on Linux and Windows."""
+    """NumPy's, SciPy's, or the one that they share."""
     config = np.show_config(mode="dicts")
     blas = config["Build Dependencies"]["blas"]["name"]
     if "openblas" not in blas:
@@ -28,10 +28,10 @@ def test_one_thread_inside_and_the_old_number_after():
             with one_blas_thread():
                 assert set(counts()) <= {1}
             assert set(counts()) <= {1}
-        assert set(counts()) <= {1, 2}
+        assert set(counts()) <= {2}
         with pytest.raises(KeyError), one_blas_thread():
             raise KeyError
-        assert counts() == counts()
+        assert set(counts()) <= {2}
     finally:
         for (_, set_), count in zip(_controls(), before, strict=True):
             set_(count)

@@ -168,6 +168,15 @@ def test_a_start_keeps_its_net(capsys, photos, tmp_path):
     words = ["--start", start, "--set", "control_points=30,31"]
     code, _, said = run(capsys, photos, "-o", tmp_path / "a.npz", *words)
     assert code == 2 and "control points, which --start keeps" in said
+
+
+def test_the_face_that_a_run_starts_from_is_not_written_over(capsys, photos, tmp_path):
+    start = tmp_path / "start.npz"
+    assert run(capsys, photos, "-o", start, "-q", *QUICK)[0] == 0
+    before = start.read_bytes()
+    code, _, said = run(capsys, photos, "-o", start, "--start", start)
+    assert code == 2 and "is read and would be written over" in said
+    assert start.read_bytes() == before
     assert not (tmp_path / "a.npz").exists()
 
 
