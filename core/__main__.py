@@ -54,9 +54,13 @@ def main(
     words = list(sys.argv[1:] if argv is None else argv)
     try:
         with stoppable():
-            if words and words[0] in COMMANDS:
-                return COMMANDS[words[0]](words[1:])
-            return reconstruct_photos.main(words, run)
+            try:
+                if words and words[0] in COMMANDS:
+                    return COMMANDS[words[0]](words[1:])
+                return reconstruct_photos.main(words, run)
+            except KeyboardInterrupt:
+                say("interrupted")
+                return 130
     except FileNotFoundError:
         if _folder_is_there():
             raise

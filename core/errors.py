@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -51,7 +51,18 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udf
 
 
 class ReconstructionError(Exception):
-    """The whole job failed; ``str()`` is one sentence with the remedy."""
+    """The whole job failed; ``str()`` is one sentence with the remedy.
+
+    Parameters
+    ----------
+    sentence : str
+    photos : sequence of PhotoFailure, optional
+        Where no photo can be used: each with its reason.
+    """
+
+    def __init__(self, sentence: str = "", photos: Sequence[PhotoFailure] = ()) -> None:
+        super().__init__(sentence)
+        self.photos = tuple(photos)
 
     def __str__(self) -> str:
         return one_line(super().__str__())

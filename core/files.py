@@ -11,6 +11,7 @@ import contextlib
 import os
 import re
 import secrets
+import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -61,6 +62,9 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
                 "folder."
             ) from error
         yield temporary
+        # Who may read the old file may read the new one, and nobody else.
+        with contextlib.suppress(FileNotFoundError):
+            shutil.copymode(place, temporary)
         os.replace(temporary, place)
     except OSError as error:
         _remove(temporary)

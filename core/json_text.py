@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 Kind = TypeVar("Kind", dict, list)
 
 
-def to_json(value: object, indent: int | None = None) -> str:
-    """JSON text of dataclasses, arrays and plain values; NaN becomes null."""
-    return json.dumps(plain(value), indent=indent, ensure_ascii=False, sort_keys=False)
+def to_json(value: object, indent: int | None = None, *, ascii: bool = False) -> str:
+    """JSON text of dataclasses, arrays and plain values; NaN becomes null.
+
+    With ``ascii`` all other characters are written as JSON's escapes.
+    """
+    return json.dumps(plain(value), indent=indent, ensure_ascii=ascii, sort_keys=False)
 
 
 def plain(value: Any) -> Any:

@@ -267,7 +267,7 @@ def collect_photos(
     failures = tuple(item for item in chosen if isinstance(item, PhotoFailure))
     _tell(progress, total, total, f"{len(used)} of {len(chosen)} photos can be used")
     if not used:
-        raise ReconstructionError(_nothing_usable(failures))
+        raise ReconstructionError(_nothing_usable(failures), failures)
     return PhotoCollection(
         photos=tuple(item.photo for item in used),
         landmarks=tuple(item.landmarks for item in used),

@@ -114,6 +114,12 @@ class Problem:
         """The used photos."""
         return self.collection.photos
 
+    @property
+    def distance_mm(self) -> float:
+        """Typical distance of the cameras in the template's frame, mm."""
+        size = self.template.eye_distance / self.settings.eye_distance_mm
+        return size * self.settings.distance_mm
+
 
 @dataclass(frozen=True, eq=False)
 class FaceEstimate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -166,13 +167,21 @@ class Reconstruction:
         return sum(report.status == "used" for report in self.reports)
 
     def with_surface(self, surface: BSplineSurface) -> Reconstruction:
-        """The same result with another surface, such as an edited one."""
+        """The same result with another surface, such as an edited one.
+
+        With another net the deviation and the constraint go, and the setting
+        ``control_points`` becomes that of the net where it can.
+        """
         expect(BSplineSurface, "a BSplineSurface", surface=surface)
         if surface.shape != self.surface.shape:
+            settings = self.settings
+            with contextlib.suppress(ValueError):
+                settings = replace(settings, control_points=surface.shape)
             return replace(
                 self,
                 surface=surface,
                 template=self.template.resampled(surface.shape),
+                settings=settings,
                 deviation=None,
                 constraint=None,
             )

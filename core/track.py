@@ -145,7 +145,7 @@ def track(
         else:
             found.append(tracked)
     if not found:
-        raise ReconstructionError(failures[0].reason)
+        raise ReconstructionError(failures[0].reason, failures)
     return Tracking(tuple(found), tuple(failures))
 
 

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
+RESULT_SCHEMA = json.loads(
+    (Path(__file__).resolve().parents[1] / "docs/result.schema.json").read_text("utf-8")
+)
 _KINDS = {
     "object": dict,
     "array": list,

@@ -172,7 +172,7 @@ def people_in(folder: str | os.PathLike) -> tuple[Path, ...]:
         found = sorted(
             p
             for p in folder.iterdir()
-            if p.is_dir()
+            if (p.is_dir() or _leads_nowhere(p))
             and not p.name.startswith(".")
             # a link to the folder itself or to one above it is no person
             and not here.is_relative_to(os.path.realpath(p))
@@ -187,6 +187,14 @@ def people_in(folder: str | os.PathLike) -> tuple[Path, ...]:
             f"{folder} has no sub-folders; put the photos of each person into one."
         )
     return tuple(found)
+
+
+def _leads_nowhere(path: Path) -> bool:
+    """Whether it is a link to what is not there, and not to itself.
+
+    Such a person, on a drive that is not mounted, fails and is not passed over.
+    """
+    return path.is_symlink() and not os.path.lexists(os.path.realpath(path))
 
 
 def summary_csv(outcomes: Sequence[Outcome]) -> str:

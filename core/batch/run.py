@@ -126,10 +126,11 @@ def run_batch(
             "the cluster to its workers (`dask worker --memory-limit`)."
         )
     folders = people_in(people)
+    wanted = tuple(dict.fromkeys(wanted))
     values = (settings or Settings()).to_dict()
     _check_people(folders, out)
     jobs = {
-        folder.name: (str(folder), str(out / folder.name), values, tuple(wanted))
+        folder.name: (str(folder), str(out / folder.name), values, wanted)
         for folder in folders
     }
     with contextlib.suppress(OSError):
@@ -210,7 +211,9 @@ def run_person(
         return outcome
     except Exception as error:
         reason = _why(error, folder)
-    return Outcome(person, "failed", reason, seconds=time.perf_counter() - start)
+        photos = len(getattr(error, "photos", ()))
+    seconds = time.perf_counter() - start
+    return Outcome(person, "failed", reason, photos=photos, seconds=seconds)
 
 
 def _write(

@@ -169,10 +169,14 @@ class Camera:
 
     @property
     def yaw_pitch_roll(self) -> Array:
-        """Head turned to the picture's right, up, clockwise as seen; degrees, (3,)."""
-        toward = self.R[:, 2]
-        yaw = np.arctan2(toward[0], toward[2])
-        pitch = np.arcsin(np.clip(toward[1], -1, 1))
+        """Head turned to the picture's right, up, clockwise as seen; degrees, (3,).
+
+        Right and up are those of the picture turned so that the head is upright.
+        """
+        x, y, z = self.R[:, 2]
         up = self.R[:, 1]
         roll = np.arctan2(up[0], up[1])
-        return np.rad2deg([yaw, pitch, roll])
+        c, s = np.cos(roll), np.sin(roll)
+        x, y = c * x - s * y, s * x + c * y
+        pitch = np.arcsin(np.clip(y, -1, 1))
+        return np.rad2deg([np.arctan2(x, z), pitch, roll])

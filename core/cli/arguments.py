@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,9 @@ from .terminal import write_out
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
+
+
+_WHOLE = re.compile(r"\s*[0-9]{1,9}\s*")
 
 
 class Parser(argparse.ArgumentParser):
@@ -45,7 +49,7 @@ def parse_settings(pairs: Sequence[str]) -> Settings:
             values[name] = json.loads(text)
         except (ValueError, RecursionError):  # brackets within brackets
             numbers = text.split(",")
-            if len(numbers) == 2 and all(x.strip().isdigit() for x in numbers):
+            if len(numbers) == 2 and all(map(_WHOLE.fullmatch, numbers)):
                 values[name] = [int(x) for x in numbers]
             else:
                 values[name] = text

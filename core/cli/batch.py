@@ -15,9 +15,9 @@ from ..batch.memory import parse_memory
 from ..batch.record import Outcome, batch_facts, summary_lines
 from ..batch.run import WANTED, run_batch
 from ..errors import ReconstructionError, one_line
-from ..json_text import to_json
+from ..report.facts import failure_facts
 from .arguments import Parser, parse_settings
-from .terminal import say, tell, write_out
+from .terminal import say, tell, write_json, write_out
 
 
 def parser() -> Parser:
@@ -90,15 +90,16 @@ def main(argv: Sequence[str], executor: Executor | None = None) -> int:
         return 2
     except ReconstructionError as error:
         say(str(error))
+        if options.json:
+            write_json(failure_facts(str(error)))
         return 1
     except KeyboardInterrupt:
         say("interrupted; the same command goes on from here")
         return 130
     if options.json:
-        text = to_json(batch_facts(outcomes), indent=1)
+        code = write_json(batch_facts(outcomes))
     else:
-        text = "\n".join(summary_lines(outcomes))
-    code = write_out(text + "\n")
+        code = write_out("\n".join(summary_lines(outcomes)) + "\n")
     return code or int(any(outcome.status == "failed" for outcome in outcomes))
 
 

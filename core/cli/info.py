@@ -9,10 +9,11 @@ import numpy as np
 
 from ..errors import ReconstructionError
 from ..formats import load_face
-from ..json_text import plain, to_json
+from ..json_text import plain
+from ..report.facts import failure_facts
 from ..result import Reconstruction
 from .arguments import Parser, check_named
-from .terminal import say, write_out
+from .terminal import say, write_json, write_out
 
 
 def parser() -> Parser:
@@ -41,10 +42,13 @@ def main(argv: Sequence[str]) -> int:
         face = load_face(args.face)
     except ReconstructionError as error:
         say(str(error))
+        if args.json:
+            write_json(failure_facts(str(error)))
         return 1
     facts = summary(face)
-    text = to_json(facts, indent=1) if args.json else "\n".join(_lines(facts))
-    return write_out(text + "\n")
+    if args.json:
+        return write_json(facts)
+    return write_out("\n".join(_lines(facts)) + "\n")
 
 
 def summary(face: Reconstruction) -> dict[str, Any]:

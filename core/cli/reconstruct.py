@@ -8,21 +8,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import Cancelled, ReconstructionError, out_of_memory
+from ..errors import Cancelled, PhotoFailure, ReconstructionError, out_of_memory
 from ..formats import HEAD_ENDINGS, export, load_face
 from ..formats.textured import exported_files, textured
-from ..json_text import to_json
 from ..progress import Step
 from ..report.facts import failure_facts, result_facts, versions
 from ..report.log_file import log_file, logged
 from ..report.outputs import check_outputs
 from ..report.report import report_files, write_report
-from ..result import Reconstruction
+from ..result import PhotoReport, Reconstruction
 from ..surface.template import load_template
 from ..threads import one_blas_thread, take_working_space
 from .arguments import Parser, check_held, check_named, parse_settings
 from .bar import Bar
-from .terminal import say, tell, write_out
+from .terminal import say, tell, write_json, write_out
 
 COMMANDS = """commands besides the reconstruction (`bsface COMMAND --help` tells more):
   batch    one face from each sub-folder of photos
@@ -151,9 +150,8 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
                     progress=logged(bar),
                     ignore=args.ignore,
                 )
-            for row in face.reports:
-                if row.status != "used":
-                    logger.info("%s: %s", row.name, row.reason)
+            for line in _remarks(face.reports):
+                logger.info("%s", line)
             with textured(face, args.output) as plain:
                 options = replace(plain, head=args.head)
                 for name in args.output:
@@ -165,7 +163,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
                 written += report_files(page)
                 logger.info("%s written", args.report)
     except ReconstructionError as error:
-        return _failed(args, bar, str(error))
+        return _failed(args, bar, str(error), error.photos)
     except (KeyboardInterrupt, Cancelled):
         done = f"{_names(written)} written" if written else "nothing written"
         _close(bar)
@@ -183,18 +181,26 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
     _close(bar)
     if args.json:
         files = [*written, *([log] if log else [])]
-        return write_out(to_json(result_facts(face, files=files), indent=1) + "\n")
+        return write_json(result_facts(face, files=files))
     if not args.quiet:
         _tell(face, written)
     return 0
 
 
-def _failed(args: argparse.Namespace, bar: Bar | None, sentence: str) -> int:
+def _failed(
+    args: argparse.Namespace,
+    bar: Bar | None,
+    sentence: str,
+    photos: Sequence[PhotoFailure] = (),
+) -> int:
     """Say why the job failed, for a program too if it asked for JSON."""
     _close(bar)
+    if not args.json:
+        for failure in photos:
+            tell(f"{failure.name}: {failure.reason}\n")
     say(sentence)
     if args.json:
-        write_out(to_json(failure_facts(sentence)) + "\n")
+        write_json(failure_facts(sentence, photos))
     return 1
 
 
@@ -213,12 +219,16 @@ def _page_progress(bar: Bar | None) -> Callable[[float], None] | None:
 def _tell(face: Reconstruction, written: Sequence[Path]) -> None:
     """What came out, for people."""
     used = [row for row in face.reports if row.status == "used"]
-    for row in face.reports:
-        if row.status != "used":
-            tell(f"{row.name}: {row.reason}\n")
+    for line in _remarks(face.reports):
+        tell(f"{line}\n")
     for warning in face.warnings:
         tell(f"note: {warning}\n")
     tell(f"{len(used)} of {len(face.reports)} photos used; {_names(written)} written\n")
+
+
+def _remarks(reports: Sequence[PhotoReport]) -> list[str]:
+    """What there is to say of single photos: why they are left out, and notes."""
+    return [f"{row.name}: {row.reason}" for row in reports if row.reason]
 
 
 def _names(files: Sequence[Path]) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import os
 import sys
 from typing import TextIO
 
 from ..errors import one_line
+from ..json_text import to_json
 
 
 def say(sentence: str) -> None:
@@ -51,6 +53,13 @@ def write_out(text: str) -> int:
         say(f"the standard output cannot be written ({error.strerror}).")
         return 1
     return 0
+
+
+def write_json(value: object) -> int:
+    """Write a value as JSON to the standard output; returns as `write_out`."""
+    coding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    utf8 = codecs.lookup(coding).name == "utf-8"
+    return write_out(to_json(value, indent=1, ascii=not utf8) + "\n")
 
 
 def _forget(stream: TextIO) -> None:

@@ -47,12 +47,13 @@ def masked(name: str) -> str:
 def mask_file_beside(photo: str | os.PathLike) -> Path | None:
     """The mask file of a photo, or None; its ending may be in capitals."""
     path = Path(photo).with_suffix(ENDING)
-    if os.path.isfile(path):  # unlike `Path.is_file`, whatever the name's length
+    # Whatever it is: a link that leads nowhere is said, and not passed over.
+    if os.path.lexists(path):
         return path
     with contextlib.suppress(OSError), os.scandir(path.parent) as entries:
         for entry in entries:
             named = is_mask(entry.name) and masked(entry.name) == Path(photo).stem
-            if named and entry.is_file():
+            if named:
                 return path.with_name(entry.name)
     return None
 
@@ -72,7 +73,7 @@ def with_mask(photo: Photo, given: Array32 | None = None) -> Photo | PhotoFailur
         A failure, ``"unreadable"``, if the mask is no picture of the photo's shape.
     """
     if given is not None:
-        failure = _of_same_shape(given, photo, "its mask")
+        failure = _of_same_shape(given, photo, f"The mask of {photo.name}")
         return replace(photo, mask=given) if failure is None else failure
     path = None if photo.path is None else mask_file_beside(photo.path)
     if path is None:

@@ -110,8 +110,8 @@ def landmark_file_beside(photo: str | os.PathLike) -> Path | None:
     photo = Path(photo)
     for ending in LANDMARK_ENDINGS:
         path = photo.with_suffix(ending)
-        # Unlike `Path.is_file`, no error for a name that grows too long.
-        if os.path.isfile(path):
+        # Whatever it is: a link that leads nowhere is said, and not passed over.
+        if os.path.lexists(path):
             return path
     return None
 
@@ -143,6 +143,8 @@ def read_landmarks(
     size = _picture_size(size, "size")
     path = Path(path)
     try:
+        if path.exists() and not path.is_file():
+            raise _bad(path, "is no regular file")  # to open a pipe waits for ever
         if path.stat().st_size > MAX_FILE_BYTES:
             raise _bad(path, "is too large for a landmark file")
         text = path.read_bytes().decode("utf-8-sig")

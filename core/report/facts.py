@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import PhotoFailure
 from ..json_text import plain
-from ..result import Reconstruction
+from ..result import PhotoReport, Reconstruction
 from ..versions import VERSION, library_versions
 
 #: Version of the JSON; it grows when a key goes or changes its meaning.
@@ -86,9 +87,15 @@ def result_facts(
     return facts
 
 
-def failure_facts(sentence: str) -> dict[str, Any]:
-    """The JSON of a job that failed."""
-    return {"schema": SCHEMA, "ok": False, "program": "bsface", "error": sentence}
+def failure_facts(sentence: str, photos: Sequence[PhotoFailure] = ()) -> dict[str, Any]:
+    """The JSON of a job that failed, with the photos for which it did."""
+    return {
+        "schema": SCHEMA,
+        "ok": False,
+        "program": "bsface",
+        "error": sentence,
+        "report": [plain(PhotoReport(p.name, p.code, p.reason)) for p in photos],
+    }
 
 
 def folder_name(face: Reconstruction) -> str:

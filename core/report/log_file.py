@@ -69,6 +69,8 @@ def log_file(path: Path | None, about: str) -> Iterator[logging.Logger]:
         yield _PACKAGE
     except BaseException as error:
         sentence = isinstance(error, ReconstructionError)
+        for photo in error.photos if sentence else ():
+            _PACKAGE.info("%s: %s", photo.name, photo.reason)
         _PACKAGE.error(
             "%s: %s", type(error).__name__, error, exc_info=None if sentence else error
         )

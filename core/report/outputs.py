@@ -12,8 +12,9 @@ from ..files import why_not_writable
 from ..formats import WRITERS, ending
 from ..formats.mtl import ENDS, SIGNATURES, plain_stem
 from ..images.folder import is_video, scan_folder
-from ..images.mask_file import mask_file_beside
-from ..landmarks.landmarks import landmark_file_beside
+from ..images.mask_file import ENDING as MASK_ENDING
+from ..images.mask_file import is_mask, mask_file_beside
+from ..landmarks.landmarks import LANDMARK_ENDINGS, landmark_file_beside
 from .report import report_files
 
 
@@ -67,7 +68,8 @@ def check_outputs(
         special = os.path.exists(log) and not os.path.isfile(log)
         if os.path.isdir(log) or not special:
             asked.append((log, (Path(log),)))
-    kept = _identities(_inputs(photos, recursive)) if photos else frozenset()
+    inputs = _inputs(photos, recursive) if photos else []
+    kept, beside = _identities(inputs), _beside(inputs)
     own = _identities([Path(name) for name in read])
     whose: dict[tuple[str, str], tuple[int, Path]] = {}
     for number, (name, files) in enumerate(asked):
@@ -85,6 +87,11 @@ def check_outputs(
                     f"{path} is read and would be written over; choose another name."
                 )
             folder, file = os.path.split(os.path.realpath(path))
+            if (folder, file.casefold()) in beside:
+                raise ValueError(
+                    f"{path} would be taken for the landmarks or the mask of a photo; "
+                    "choose another name or folder."
+                )
             other, first = whose.setdefault((folder, file.casefold()), (number, path))
             if other != number:
                 alike = os.path.basename(os.path.realpath(first)) == file
@@ -122,6 +129,18 @@ def _inputs(photos: str, recursive: bool) -> list[Path]:
         f(p) for p in found.photos for f in (landmark_file_beside, mask_file_beside)
     ]
     return [*found.sources, *(p for p in beside if p is not None)]
+
+
+def _beside(inputs: Sequence[Path]) -> frozenset[tuple[str, str]]:
+    """Folder and name of the landmark and mask files that photos may have."""
+    found = set()
+    for path in inputs:
+        if is_video(path) or is_mask(path.name) or path.suffix in LANDMARK_ENDINGS:
+            continue
+        folder = os.path.realpath(path.parent)
+        for end in (*LANDMARK_ENDINGS, MASK_ENDING):
+            found.add((folder, (path.stem + end).casefold()))
+    return frozenset(found)
 
 
 def _identities(paths: Sequence[Path]) -> frozenset[tuple[int, int]]:

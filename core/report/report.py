@@ -117,7 +117,7 @@ def write_report(
     drawn = report_plots(reconstruction)
     tell(0.9)
     skin = {}
-    if texture is not None:
+    if texture is not None and reconstruction.has_pixels:
         skin = skin_pictures(reconstruction.photos, texture.skin)
     text = page(facts, pictures, drawn, thumbnails(reconstruction), skin)
     tell(0.95)

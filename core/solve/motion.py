@@ -42,9 +42,16 @@ class MotionOptions:
     tolerance: float = 1e-4  #: step at which it ends, in eye distances
 
     @classmethod
-    def from_settings(cls, settings: Settings) -> MotionOptions:
-        """The options that the settings mean."""
-        distance = settings.distance_mm if settings.perspective else np.inf
+    def from_settings(
+        cls, settings: Settings, distance_mm: float | None = None
+    ) -> MotionOptions:
+        """The options that the settings mean.
+
+        ``distance_mm`` is that of the settings, unless the face has another size than
+        the result.
+        """
+        distance = settings.distance_mm if distance_mm is None else distance_mm
+        distance = distance if settings.perspective else np.inf
         return cls(
             offset_mm=settings.landmark_offset_mm,
             noise_mm=settings.landmark_noise_mm,
@@ -72,7 +79,7 @@ def motion(
     ReconstructionError
         When the landmarks of a photo leave its pose open.
     """
-    options = MotionOptions.from_settings(problem.settings)
+    options = MotionOptions.from_settings(problem.settings, problem.distance_mm)
     cameras = initial_cameras(problem.template, problem.landmarks, options.camera)
     yield from estimate_motion(
         problem.template,

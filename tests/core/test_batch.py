@@ -282,6 +282,10 @@ def test_links_that_loop_are_nobody(tmp_path):
         (tmp_path / "people" / name).symlink_to(target)
     found = batch_record.people_in(tmp_path / "people")
     assert [path.name for path in found] == ["ann", "bob"]
+    # Moved away, or on a drive that is not mounted: a row that fails.
+    (tmp_path / "people" / "carl").symlink_to(tmp_path / "gone")
+    found = batch_record.people_in(tmp_path / "people")
+    assert [path.name for path in found] == ["ann", "bob", "carl"]
 
 
 @pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@a", "\tx"])

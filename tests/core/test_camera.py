@@ -1,5 +1,7 @@
 """The camera: a textbook pinhole, its derivatives, and its invariances."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import reference
@@ -115,6 +117,17 @@ def test_pixels_scale_with_s_and_t(kind, seed):
     c, Q = camera(seed, kind), head_points(seed)
     half = Camera(c.R, c.s / 2, c.t / 2, c.kappa, c.principal / 2)
     np.testing.assert_allclose(half.project(Q), c.project(Q) / 2, rtol=1e-12)
+
+
+@given(seed=seeds, quarter=st.sampled_from([90, 180, -90, 17]))
+def test_a_picture_that_lies_on_its_side_turns_the_head_alike(seed, quarter):
+    """Only the roll is another one."""
+    c = camera(seed, "perspective")
+    turned = Rotation.from_euler("z", quarter, degrees=True).as_matrix() @ c.R
+    yaw, pitch, roll = replace(c, R=turned).yaw_pitch_roll
+    np.testing.assert_allclose([yaw, pitch], c.yaw_pitch_roll[:2], atol=1e-6)
+    away = (roll - (c.yaw_pitch_roll[2] - quarter) + 180) % 360 - 180
+    assert abs(away) < 1e-6
 
 
 @pytest.mark.parametrize(

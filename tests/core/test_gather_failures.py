@@ -79,6 +79,12 @@ def test_no_usable_photo_is_told_with_the_reasons(models, folder):
     assert "3 no face found" in str(info.value)
     assert "1 cannot be read" in str(info.value)
     assert "The first: No face was found in 0.png" in str(info.value)
+    assert [p.name for p in info.value.photos] == [
+        "0.png",
+        "1.png",
+        "2.png",
+        "text.jpg",
+    ]
     with pytest.raises(ReconstructionError, match="1 set aside.*in 1.png"):
         collect_photos(folder, inputs=Inputs(ignore=("0.png",)))
 

@@ -1,5 +1,6 @@
 """Mask files beside photos: what is read of them, and what they change."""
 
+import os
 from dataclasses import replace
 
 import cv2
@@ -35,6 +36,21 @@ def photo(tmp_path):
     path = tmp_path / "me 1.jpg"
     cv2.imwrite(str(path), np.full((40, 60, 3), 90, np.uint8))
     return path
+
+
+@pytest.mark.parametrize("kind", ["link", "folder", "pipe"])
+def test_a_mask_that_is_no_file_leaves_its_photo_out(photo, kind):
+    """A link that broke when the folder was copied: not used without a word."""
+    path = photo.with_suffix(".mask.png")
+    if kind == "link":
+        path.symlink_to(photo.with_name("gone.png"))
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        os.mkfifo(path)
+    found = with_mask(read_photo(photo))
+    assert isinstance(found, PhotoFailure)
+    assert "me 1.mask.png" in found.reason
 
 
 def paint(photo, values):

@@ -213,12 +213,46 @@ def test_a_template_is_not_written_over(tmp_path):
     check_outputs([f"{tmp_path}/other.npz"], read=[str(mine)])
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"log": "2.pts"},
+        {"log": "2.JSON"},
+        {"outputs": ["2.mask.obj"]},  # with 2.mask.png
+        {"report": "2.html"},  # with 2.json
+    ],
+    ids=str,
+)
+def test_nothing_is_written_that_the_next_run_takes_for_part_of_a_photo(photos, words):
+    with pytest.raises(ValueError, match="landmarks or the mask of a photo"):
+        check_outputs(photos=str(photos), **inside(photos, words))
+
+
+def test_the_texture_of_an_obj_may_be_a_jpeg(photos):
+    with pytest.raises(ValueError, match=r"2\.jpg belongs to the photos"):
+        check_outputs([str(photos / "2.obj")], photos=str(photos))
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o664])
+def test_a_replaced_file_keeps_its_permissions(tmp_path, mode):
+    path = tmp_path / "a.npz"
+    path.write_bytes(b"old")
+    path.chmod(mode)
+    with replacing(path) as temporary:
+        temporary.write_bytes(b"new")
+    assert path.read_bytes() == b"new"
+    assert path.stat().st_mode & 0o777 == mode
+
+
 def test_a_setting_that_is_given_twice():
     with pytest.raises(ValueError, match="The setting lam is given twice"):
         parse_settings(["lam=1", "method=paper", "lam=2"])
 
 
 def test_words_of_set_that_are_no_json():
-    for word in ("lam=" + "[" * 100_000, "=5", "="):
-        with pytest.raises(ValueError):
+    digits = "control_points=" + "9" * 5000 + ",3"
+    words = ("lam=" + "[" * 100_000, "=5", "=", "control_points=\u00b2,3", digits)
+    for word in words:
+        with pytest.raises(ValueError, match="--set takes|must be|no setting") as said:
             parse_settings([word])
+        assert len(str(said.value)) < 200

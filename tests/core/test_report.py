@@ -23,11 +23,9 @@ from fake_face import (
     face_surface,
     painted_reconstruction,
 )
+from json_schema import RESULT_SCHEMA as SCHEMA
 from json_schema import problems
 
-SCHEMA = json.loads(
-    (Path(__file__).resolve().parents[2] / "docs/result.schema.json").read_text("utf-8")
-)
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 
 

@@ -54,7 +54,9 @@ def joint(
         One per Gauss-Newton step; the last estimate carries the photometric evidence
         and the deviation of the control points.
     """
-    options = parts.options or JointOptions.from_settings(problem.settings)
+    options = parts.options or JointOptions.from_settings(
+        problem.settings, problem.distance_mm
+    )
     work, start = begin(problem, estimate, options, parts, check_cancelled)
     steps = [level.iterations for level in options.levels]
     for one in refine(start, work, check_cancelled):

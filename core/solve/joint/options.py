@@ -93,8 +93,14 @@ class JointOptions:
     tolerance: float = 1e-4
 
     @classmethod
-    def from_settings(cls, settings: Settings) -> JointOptions:
-        """The schedule and the weights that a user's settings ask for."""
+    def from_settings(
+        cls, settings: Settings, distance_mm: float | None = None
+    ) -> JointOptions:
+        """The schedule and the weights that a user's settings ask for.
+
+        ``distance_mm`` is that of the settings, unless the face has another size than
+        the result.
+        """
         last = len(SCHEDULE) - 1
         levels = tuple(
             Level(
@@ -114,5 +120,5 @@ class JointOptions:
             noise=settings.intensity_noise,
             independence=settings.independence,
             shadows=settings.shadows,
-            distance_mm=settings.distance_mm,
+            distance_mm=settings.distance_mm if distance_mm is None else distance_mm,
         )

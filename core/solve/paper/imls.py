@@ -166,7 +166,7 @@ def imls(
         Two per pass, "shading" and "motion"; the last one carries the photometric
         evidence.
     """
-    options = parts.options or schedule(problem.settings)
+    options = parts.options or schedule(problem.settings, problem.distance_mm)
     work, state = begin(problem, estimate, options, parts, check_cancelled)
     done, total = 0, 2 * sum(level.iterations for level in options.levels)
     for number, level in enumerate(options.levels):
@@ -209,9 +209,12 @@ def imls(
             yield Iteration("motion", found, rms, size, done, total)
 
 
-def schedule(settings: Settings) -> JointOptions:
-    """Blurs, weights and passes that a user's settings ask for."""
-    options = JointOptions.from_settings(settings)
+def schedule(settings: Settings, distance_mm: float | None = None) -> JointOptions:
+    """Blurs, weights and passes that a user's settings ask for.
+
+    ``distance_mm`` as in `JointOptions.from_settings`.
+    """
+    options = JointOptions.from_settings(settings, distance_mm)
     levels = tuple(
         level._replace(iterations=times * settings.outer_passes)
         for level, times in zip(options.levels, PASSES, strict=True)

@@ -8,8 +8,11 @@ import sys
 
 import pytest
 from bsface.errors import Cancelled, ReconstructionError
+from bsface.files import is_temporary
 from command_line import QUICK, run
 from fake_face import painted_reconstruction
+from json_schema import RESULT_SCHEMA as SCHEMA
+from json_schema import problems
 from needs import needs_permissions, needs_signals
 
 # --- it is called wrongly: exit code 2 -----------------------------------------------
@@ -134,6 +137,70 @@ def test_wrong_folder(capsys, tmp_path):
     assert code == 1
     assert "give the folder that holds the photos." in said
     assert os.listdir(tmp_path) == []
+
+
+def test_every_photo_has_its_reason_when_none_can_be_used(capsys, tmp_path):
+    """On the terminal, in the log and in the JSON."""
+    folder, log = tmp_path / "photos", tmp_path / "log.txt"
+    folder.mkdir()
+    for name in ("a.jpg", "b.jpg"):
+        (folder / name).write_text("hello")
+    words = [folder, "-o", tmp_path / "a.npz", "--log", log]
+    code, _, said = run(capsys, *words)
+    assert code == 1
+    for text in (said, log.read_text()):
+        assert text.count("is not a picture") >= 2 and "b.jpg: b.jpg is not" in text
+    code, printed, _ = run(capsys, *words, "--json")
+    facts = json.loads(printed)
+    assert code == 1 and [row["name"] for row in facts["report"]] == ["a.jpg", "b.jpg"]
+    assert not problems(facts, SCHEMA)
+
+
+@pytest.mark.parametrize("words", [["batch", "none", "out"], ["info", "none.npz"]])
+def test_other_commands_fail_in_json_too(capsys, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    code, printed, said = run(capsys, *words, "--json")
+    facts = json.loads(printed)
+    assert code == 1 and facts["error"] in said
+    assert not problems(facts, SCHEMA)
+
+
+@pytest.mark.parametrize("coding", ["ascii", "latin-1", "utf-8"])
+def test_json_is_json_in_every_encoding(tmp_path, coding):
+    folder = tmp_path / "n\u00f6 \U0001f600"
+    done = subprocess.run(
+        [sys.executable, "-m", "bsface", "info", str(folder), "--json"],
+        capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": coding},
+    )
+    assert str(folder) in json.loads(done.stdout.decode(coding))["error"]
+
+
+def test_no_folder_for_the_models_is_no_folder(capsys, tmp_path, monkeypatch):
+    """Not the present one."""
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "models", "fetch", "--to", "")[0] == 2
+    assert os.listdir(tmp_path) == []
+
+
+@needs_signals
+@pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM"])
+def test_an_export_that_is_stopped(tmp_path, stop):
+    """A sentence, whatever the command."""
+    painted_reconstruction(count=2, side=60).save(tmp_path / "a.npz")
+    words = ["export", str(tmp_path / "a.npz"), "--tolerance", "0.004"]
+    for name in ("a.stl", "b.stl", "c.stl", "d.stl"):
+        words += ["-o", str(tmp_path / name)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "bsface", *words], stderr=subprocess.PIPE, text=True
+    ) as process:
+        while not any(is_temporary(name) for name in os.listdir(tmp_path)):
+            assert process.poll() is None
+        process.send_signal(getattr(signal, stop))
+        said = process.stderr.read()
+        assert process.wait(timeout=60) == 130
+    assert said == "bsface: interrupted\n"
+    assert not any(is_temporary(name) for name in os.listdir(tmp_path))
 
 
 @needs_signals

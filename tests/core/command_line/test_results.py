@@ -5,11 +5,13 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
 from bsface import Settings, load
 from bsface.cli.arguments import parse_settings
+from bsface.result import PhotoReport
 from command_line import QUICK, run
 from fake_face import painted_reconstruction
 
@@ -26,6 +28,19 @@ def test_photos_in_face_out(capsys, photos, tmp_path):
     assert face.settings.method == "motion"
     assert [row.name for row in face.reports] == ["0.png", "1.png", "2.png"]
     assert os.listdir(out.parent) == ["face.npz"]
+
+
+def test_notes_on_used_photos_are_told(capsys, photos, tmp_path, ready):
+    """A copy, a video that is cut short: on the terminal and in the log."""
+    face = ready()
+    row = PhotoReport("0.png", "used", "looks like a copy of 1.png")
+    noted = replace(face, reports=(row, *face.reports[1:]))
+    log = tmp_path / "log.txt"
+    words = [photos, "-o", tmp_path / "a.npz", "--log", log]
+    _, _, said = run(capsys, *words, job=lambda *args, **kwargs: noted)
+    for text in (said, log.read_text()):
+        assert "0.png: looks like a copy of 1.png" in text
+        assert "1.png:" not in text
 
 
 def test_several_outputs_and_a_page(capsys, photos, tmp_path, ready):

@@ -104,6 +104,28 @@ def test_turned_photos_give_the_same_face(drawn, result, quarters):
         a.roll - b.roll for a, b in zip(found.reports, result.reports, strict=True)
     ]
     np.testing.assert_allclose(np.mod(rolls, 360), 360 - 90 * quarters, atol=0.5)
+    views = [[(r.yaw, r.pitch) for r in x.reports] for x in (found, result)]
+    np.testing.assert_allclose(*views, atol=0.5)
+
+
+@pytest.mark.parametrize("eyes", [31.0, 124.0])
+def test_the_distance_of_the_cameras_is_in_the_millimetres_of_the_result(drawn, eyes):
+    """A face of another size, and cameras as much farther: all else is the same."""
+    photos, marks = drawn
+    usual = reconstruct(photos, QUICK, landmarks=marks, distance_mm=1000)
+    found = reconstruct(
+        photos,
+        QUICK,
+        landmarks=marks,
+        eye_distance_mm=eyes,
+        distance_mm=1000 * eyes / usual.settings.eye_distance_mm,
+    )
+    size = eyes / usual.settings.eye_distance_mm
+    np.testing.assert_allclose(
+        [c.distance_mm for c in found.cameras],
+        [size * c.distance_mm for c in usual.cameras],
+        rtol=1e-6,
+    )
 
 
 def test_shifted_photos_give_the_same_face(drawn, result):
