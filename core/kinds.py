@@ -7,6 +7,7 @@ from collections.abc import Callable
 from types import UnionType
 
 import numpy as np
+from numpy.typing import NDArray
 
 Kinds = type | UnionType | tuple[type, ...]
 
@@ -53,3 +54,36 @@ def expect_whole(low: int, high: int, **given: object) -> None:
             raise TypeError(f"{name} must be {wanted}, not {type(value).__name__}.")
         if not low <= value <= high:
             raise ValueError(f"{name} must be {wanted}, not {value}.")
+
+
+def real_numbers(given: object, name: str) -> NDArray[np.float64]:
+    """An array of numbers as float64, not copied where it is that already.
+
+    Raises
+    ------
+    ValueError
+        For text, true or false, complex numbers, None, and lists of unequal length.
+    """
+    try:
+        found = np.asarray(given)
+    except ValueError:
+        raise ValueError(f"{name} must be an array of numbers.") from None
+    if found.dtype.kind not in "fiu":
+        raise ValueError(f"{name} must hold real numbers, not {found.dtype}.")
+    return found.astype(np.float64, copy=False)
+
+
+def coordinates(given: object, name: str, count: int) -> NDArray[np.float64]:
+    """Points ``(..., count)`` as float64; an empty list is no points.
+
+    Raises
+    ------
+    ValueError
+        See `real_numbers`; and for another number of coordinates.
+    """
+    found = real_numbers(given, name)
+    if found.shape == (0,):
+        return found.reshape(0, count)
+    if found.ndim == 0 or found.shape[-1] != count:
+        raise ValueError(f"{name} must be (..., {count}), not {found.shape}.")
+    return found
