@@ -95,8 +95,9 @@ def save_face(
         # What the reader refuses is not written; its judgement is the only one.
         face_from_arrays(arrays, {}, face.template)
     except ValueError as error:
+        why = str(error).rstrip(".")
         raise ReconstructionError(
-            f"{path}: a face file cannot hold this face ({error}); change the face or "
+            f"{path}: a face file cannot hold this face ({why}); change the face or "
             "export it in another format."
         ) from None
     with replacing(path) as temporary:
@@ -251,6 +252,7 @@ def read_face(
             )
         return face_from_arrays(arrays, about, template or load_template())
     except ValueError as error:
+        why = str(error).rstrip(".")
         raise ReconstructionError(
-            f"{path}: the face file is damaged ({error}); write it again with bsface."
+            f"{path}: the face file is damaged ({why}); write it again with bsface."
         ) from None

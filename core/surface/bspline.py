@@ -170,6 +170,11 @@ class BSplineSurface:
         b.setflags(write=False)
         object.__setattr__(self, "control_points", b)
 
+    def __setstate__(self, state: dict[str, Array]) -> None:
+        # Copies and pickles bring arrays that can be written.
+        self.__dict__.update(state)
+        self.__post_init__()
+
     @property
     def shape(self) -> tuple[int, int]:
         """Size ``(M, N)`` of the control net."""

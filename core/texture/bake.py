@@ -54,7 +54,7 @@ Picture = npt.NDArray[np.float32]
 _TILE = 64  # texture rows blended at a time
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Texture:
     """Textures of a face, linear intensities, row 0 at v = 0.
 

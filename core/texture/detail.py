@@ -25,7 +25,7 @@ Picture = npt.NDArray[np.float32]
 WHITE_MM = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Detail:
     """Relief on a face's (u, v), row 0 at v = 0.
 

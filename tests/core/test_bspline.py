@@ -1,5 +1,8 @@
 """The surface: against the definition, against scipy, and in closed form."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 import reference
@@ -386,3 +389,10 @@ def test_control_points_are_real_numbers(kind):
     with pytest.raises(ValueError, match="control points must hold real numbers"):
         BSplineSurface(np.ones((4, 4, 3)).astype(kind))
     assert BSplineSurface(np.ones((4, 4, 3), int)).control_points.dtype == float
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy])
+def test_copies_of_a_surface_cannot_be_written_either(again):
+    for made in (again(wavy()), pickle.loads(pickle.dumps(wavy()))):
+        with pytest.raises(ValueError, match="read-only"):
+            made.control_points[0, 0, 0] = 1.0
