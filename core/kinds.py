@@ -87,3 +87,31 @@ def coordinates(given: object, name: str, count: int) -> NDArray[np.float64]:
     if found.ndim == 0 or found.shape[-1] != count:
         raise ValueError(f"{name} must be (..., {count}), not {found.shape}.")
     return found
+
+
+def expect_picture(given: object, name: str, meaning: str, *channels: int) -> None:
+    """Refuse what is no square picture of finite floats.
+
+    Parameters
+    ----------
+    given : object
+    name, meaning : str
+        What the sentence calls it, and what its numbers are.
+    *channels : int
+        3 for (S, S, 3); none for (S, S).
+
+    Raises
+    ------
+    TypeError, ValueError
+    """
+    if not isinstance(given, np.ndarray):
+        raise TypeError(f"{name} must be an array, not {type(given).__name__}.")
+    square = given.shape[:1] * 2
+    if given.dtype.kind != "f" or given.shape != (*square, *channels) or not given.size:
+        wanted = ", ".join(["S", "S", *map(str, channels)])
+        raise ValueError(
+            f"{name} must be an ({wanted}) array of {meaning} as floats, not "
+            f"{given.dtype} of shape {given.shape}."
+        )
+    if not np.isfinite(given).all():
+        raise ValueError(f"{name} must be finite; fill what was not measured first.")
