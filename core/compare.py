@@ -22,7 +22,7 @@ from .surface.template import Template, load_template
 from .texture.views import surface_maps, texel_centres
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """How two faces differ.
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from types import UnionType
 
 import numpy as np
+from numpy.typing import NDArray
 
 Kinds = type | UnionType | tuple[type, ...]
 
@@ -53,3 +54,64 @@ def expect_whole(low: int, high: int, **given: object) -> None:
             raise TypeError(f"{name} must be {wanted}, not {type(value).__name__}.")
         if not low <= value <= high:
             raise ValueError(f"{name} must be {wanted}, not {value}.")
+
+
+def real_numbers(given: object, name: str) -> NDArray[np.float64]:
+    """An array of numbers as float64, not copied where it is that already.
+
+    Raises
+    ------
+    ValueError
+        For text, true or false, complex numbers, None, and lists of unequal length.
+    """
+    try:
+        found = np.asarray(given)
+    except ValueError:
+        raise ValueError(f"{name} must be an array of numbers.") from None
+    if found.dtype.kind not in "fiu":
+        raise ValueError(f"{name} must hold real numbers, not {found.dtype}.")
+    return found.astype(np.float64, copy=False)
+
+
+def coordinates(given: object, name: str, count: int) -> NDArray[np.float64]:
+    """Points ``(..., count)`` as float64; an empty list is no points.
+
+    Raises
+    ------
+    ValueError
+        See `real_numbers`; and for another number of coordinates.
+    """
+    found = real_numbers(given, name)
+    if found.shape == (0,):
+        return found.reshape(0, count)
+    if found.ndim == 0 or found.shape[-1] != count:
+        raise ValueError(f"{name} must be (..., {count}), not {found.shape}.")
+    return found
+
+
+def expect_picture(given: object, name: str, meaning: str, *channels: int) -> None:
+    """Refuse what is no square picture of finite floats.
+
+    Parameters
+    ----------
+    given : object
+    name, meaning : str
+        What the sentence calls it, and what its numbers are.
+    *channels : int
+        3 for (S, S, 3); none for (S, S).
+
+    Raises
+    ------
+    TypeError, ValueError
+    """
+    if not isinstance(given, np.ndarray):
+        raise TypeError(f"{name} must be an array, not {type(given).__name__}.")
+    square = given.shape[:1] * 2
+    if given.dtype.kind != "f" or given.shape != (*square, *channels) or not given.size:
+        wanted = ", ".join(["S", "S", *map(str, channels)])
+        raise ValueError(
+            f"{name} must be an ({wanted}) array of {meaning} as floats, not "
+            f"{given.dtype} of shape {given.shape}."
+        )
+    if not np.isfinite(given).all():
+        raise ValueError(f"{name} must be finite; fill what was not measured first.")

@@ -30,7 +30,7 @@ from .surface.template import Template
 HARD_MM = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Constraint:
     """Control points of the template that stay where the template has them.
 

@@ -200,7 +200,8 @@ class Reconstruction:
         Raises
         ------
         ReconstructionError
-            When the file cannot be written, or its ending is another one.
+            When the file cannot be written or cannot hold the face, its ending is
+            another one, or the date is none.
         """
         from .formats.face_file import save_face
 

@@ -39,7 +39,7 @@ from .surface.bspline import BSplineSurface
 from .threads import one_blas_thread
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TrackedPhoto:
     """The known face in one photo.
 

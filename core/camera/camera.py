@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from .._types import Array
+from ..kinds import coordinates, real_numbers
 
 #: Parameters of `Camera.moved`: rotation vector (3, radians, applied after R), relative
 #: scale, shift in millimetres at the head (2), relative change of kappa.
@@ -26,7 +27,7 @@ PARAMETERS = 7
 SCALE, DISTANCE = 3, 6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """Pose of the head in one photo.
 
@@ -43,6 +44,11 @@ class Camera:
         1 / distance from the head's origin to the camera, 1/mm; 0 = orthography.
     principal : (2,) array
         Principal point in pixels of the photo, usually the centre of the picture.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, numbers that are not finite, and a scale that is not positive.
     """
 
     R: Array
@@ -53,12 +59,32 @@ class Camera:
 
     def __post_init__(self) -> None:
         c = np.zeros(2) if self.principal is None else self.principal
-        for name, value in (("R", self.R), ("t", self.t), ("principal", c)):
-            object.__setattr__(self, name, np.asarray(value, float))
+        total = 0.0  # one that is not finite makes the sum so
+        for name, value, shape in (
+            ("R", self.R, (3, 3)),
+            ("s", self.s, ()),
+            ("t", self.t, (2,)),
+            ("kappa", self.kappa, ()),
+            ("principal", c, (2,)),
+        ):
+            given = np.array(real_numbers(value, name))
+            if given.shape != shape:
+                wanted = str(shape) if shape else "one number"
+                raise ValueError(f"{name} must be {wanted}, not {given.shape}.")
+            given.setflags(write=False)
+            total += float(given.sum())
+            object.__setattr__(self, name, given if shape else float(given))
+        if not self.s > 0 or not np.isfinite(total):
+            raise ValueError("A camera has finite numbers and a positive scale s.")
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        # Copies and pickles bring arrays that can be written.
+        self.__dict__.update(state)
+        self.__post_init__()
 
     def project(self, Q: ArrayLike) -> Array:
         """Pixels ``(..., 2)`` of head points ``Q`` ``(..., 3)`` in mm."""
-        Q = np.asarray(Q, float)
+        Q = coordinates(Q, "Q", 3)
         x, y, _ = self.rows(Q.reshape(-1, 3))
         return np.stack([x, y], axis=1).reshape(*Q.shape[:-1], 2)
 
@@ -94,7 +120,10 @@ class Camera:
         by_camera : (p, 2, 7) array
             Derivative by the parameters of `moved`.
         """
-        X = np.asarray(Q, float) @ self.R.T
+        Q = coordinates(Q, "Q", 3)
+        if Q.ndim != 2:
+            raise ValueError(f"Q must be (p, 3), not {Q.shape}.")
+        X = Q @ self.R.T
         x, y, z = X.T
         depth = 1 - self.kappa * z
         pixels = np.empty((len(X), 2))
@@ -131,7 +160,7 @@ class Camera:
 
     def toward(self, Q: ArrayLike) -> Array:
         """Unit vectors from head points to the camera, in head axes, ``(..., 3)``."""
-        Q = np.asarray(Q, float)
+        Q = coordinates(Q, "Q", 3)
         if self.kappa == 0:
             return np.broadcast_to(self.R[2], Q.shape)
         # t is the offset of the optical axis from the head, so the camera stands beside
@@ -144,8 +173,19 @@ class Camera:
         """The same photo after the head moved by ``Q -> factor R Q + t``.
 
         Projects the moved points to the pixels of the unmoved ones.
+
+        Raises
+        ------
+        ValueError
+            A factor that is not positive, other shapes, or a head behind the camera.
         """
-        R, t = np.asarray(R, float), np.asarray(t, float)
+        R, t = real_numbers(R, "R"), real_numbers(t, "t")
+        if R.shape != (3, 3) or t.shape != (3,):
+            raise ValueError(
+                f"R must be (3, 3) and t (3,), not {R.shape} and {t.shape}."
+            )
+        if not 0 < factor < np.inf:
+            raise ValueError(f"factor must be a positive number, not {factor!r}.")
         R_new = self.R @ R.T
         origin = R_new @ t / factor
         depth = 1 + self.kappa * origin[2]

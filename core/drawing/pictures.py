@@ -93,5 +93,13 @@ def encode_jpeg(image: npt.NDArray[np.uint8], quality: int = 85) -> bytes:
 
 
 def write_png(path: str | os.PathLike, image: npt.NDArray) -> Path:
-    """Write a picture as PNG in one step."""
+    """Write a picture as PNG in one step.
+
+    Raises
+    ------
+    ValueError
+        When the name has another ending: readers go by it.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise ValueError(f"{path}: the picture is a PNG; give it a name in .png.")
     return write_bytes(path, encode_png(image))

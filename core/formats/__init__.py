@@ -231,7 +231,7 @@ def export(
     try:
         return WRITERS[found][1](Path(path), face, options)
     except ValueError as error:
-        raise ReconstructionError(f"{path}: {error}.") from error
+        raise ReconstructionError(f"{path}: {str(error).rstrip('.')}.") from error
 
 
 __all__ = [

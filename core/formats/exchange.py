@@ -28,7 +28,7 @@ EDGE_TOLERANCE_MM = 1e-4
 CORNER = 40.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ExchangeCurve:
     """Clamped cubic B-spline curve on [0, 1].
 
@@ -52,7 +52,7 @@ class ExchangeCurve:
 NamedCurves = tuple[tuple[str, ExchangeCurve], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ExchangeSurface:
     """A face as CAD formats want it.
 

@@ -58,6 +58,7 @@ from ..npz_arrays import open_file, read_arrays
 from ..result import Reconstruction
 from ..surface.template import Template, load_template
 from .face_reader import CAMERA_SHAPES, Arrays, face_from_arrays
+from .options import check_date
 
 FILE_VERSION = 2
 #: Face files have a few megabytes; a small file may claim to hold anything.
@@ -74,15 +75,33 @@ def save_face(
 
     ``.npz`` is added when the name has no ending.
     """
+    expect_paths(path=path)
+    expect(str | None, "a text", date=date)
     path = Path(path)
+    if not path.name:
+        raise ReconstructionError(
+            "The name of the face file is empty; give one that ends in .npz."
+        )
     if not path.suffix:
         path = path.with_suffix(".npz")
     if path.suffix.lower() != ".npz":
         raise ReconstructionError(
             f"{path}: a face file ends in .npz; bsface.export writes the other formats."
         )
+    if date is not None:
+        check_date(path, date)
+    arrays = face_arrays(face, date or _now())
+    try:
+        # What the reader refuses is not written; its judgement is the only one.
+        face_from_arrays(arrays, {}, face.template)
+    except ValueError as error:
+        why = str(error).rstrip(".")
+        raise ReconstructionError(
+            f"{path}: a face file cannot hold this face ({why}); change the face or "
+            "export it in another format."
+        ) from None
     with replacing(path) as temporary:
-        temporary.write_bytes(face_bytes(face, date))
+        temporary.write_bytes(npz_bytes(arrays))
     return path
 
 
@@ -233,6 +252,7 @@ def read_face(
             )
         return face_from_arrays(arrays, about, template or load_template())
     except ValueError as error:
+        why = str(error).rstrip(".")
         raise ReconstructionError(
-            f"{path}: the face file is damaged ({error}); write it again with bsface."
+            f"{path}: the face file is damaged ({why}); write it again with bsface."
         ) from None

@@ -124,15 +124,19 @@ def _surface(arrays: Arrays) -> BSplineSurface:
     for name, count in zip(("knots_u", "knots_v"), points.shape[:2], strict=True):
         if not np.array_equal(floats(arrays, name, count + 4), np.arange(count + 4)):
             raise ValueError(f"{name} are not those of a uniform bicubic surface")
-    if np.abs(points).max() > MAX_MM:
-        raise ValueError(
-            f"control_points lie up to {np.abs(points).max():.3g} mm from the origin, "
-            f"more than {MAX_MM:g}"
-        )
+    _check_near(points, "control_points")
     spread = points.reshape(-1, 3) - points.mean(axis=(0, 1))
     if np.linalg.svd(spread, compute_uv=False)[1] < MIN_MM:
         raise ValueError("all control_points are at one place or on one line")
     return BSplineSurface(points)
+
+
+def _check_near(points: Array, name: str) -> None:
+    farthest = np.abs(points).max(initial=0)
+    if farthest > MAX_MM:
+        raise ValueError(
+            f"{name} lie up to {farthest:.3g} mm from the origin, more than {MAX_MM:g}"
+        )
 
 
 def _template(arrays: Arrays, base: Template) -> Template:
@@ -151,6 +155,8 @@ def _template(arrays: Arrays, base: Template) -> Template:
             arrays, "template_landmark_xyz", *base.landmark_xyz.shape
         )
         parts["eye_centres"] = floats(arrays, "template_eye_centres", 2, 3)
+        for name in ("control_points", "landmark_xyz", "eye_centres"):
+            _check_near(arrays[f"template_{name}"], f"template_{name}")
     return replace(base, **parts)
 
 

@@ -100,13 +100,7 @@ class ExportOptions:
                 f"{path}: a thickness of {self.thickness:g} mm is less than the file "
                 f"can hold; give at least {MIN_THICKNESS:g} mm."
             )
-        try:
-            datetime.fromisoformat(self.date)
-        except ValueError:
-            raise ReconstructionError(
-                f"{path}: {self.date!r} is not a date; write it as "
-                "2026-11-22 or 2026-11-22T10:30:00."
-            ) from None
+        check_date(path, self.date)
         if Path(path).suffix.lower() == ".obj":
             pictures = (self.texture, self.normals, self.displacement)
             lost = lost_picture(Path(path), pictures, remade=self.head)
@@ -115,6 +109,23 @@ class ExportOptions:
                     f"{path}: {lost} is read and would be written over with another "
                     "picture; choose another name."
                 )
+
+
+def check_date(path: str | os.PathLike, date: str) -> None:
+    """Refuse what is no date in ISO 8601.
+
+    Raises
+    ------
+    ReconstructionError
+        One sentence with the file, the date and the remedy.
+    """
+    try:
+        datetime.fromisoformat(date)
+    except ValueError:
+        raise ReconstructionError(
+            f"{path}: {date!r} is not a date; write it as "
+            "2026-11-22 or 2026-11-22T10:30:00."
+        ) from None
 
 
 @dataclass(frozen=True)

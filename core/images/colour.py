@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array32
-from ..kinds import expect_whole
 
 
 def encode_srgb(linear: npt.ArrayLike) -> Array32:
@@ -47,7 +46,8 @@ def to_picture(linear: npt.ArrayLike, depth: int = 8) -> npt.NDArray:
 
 def stored_type(depth: int) -> type[np.uint8] | type[np.uint16]:
     """The type of pictures with 8 or 16 bits a channel."""
-    expect_whole(8, 16, depth=depth)
+    if isinstance(depth, bool) or not isinstance(depth, int | np.integer):
+        raise TypeError(f"depth must be 8 or 16 bits, not {type(depth).__name__}.")
     if depth not in (8, 16):
         raise ValueError(f"depth must be 8 or 16 bits, not {depth}.")
     return np.uint8 if depth == 8 else np.uint16

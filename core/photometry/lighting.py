@@ -28,7 +28,7 @@ NOISY_POWER = 1.5
 NOISE_RANGE = (0.4, 3.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PhotometricEvidence:
     """What the shading of all photos says.
 

@@ -15,7 +15,7 @@ from ..images.folder import is_video, scan_folder
 from ..images.mask_file import ENDING as MASK_ENDING
 from ..images.mask_file import is_mask, mask_file_beside
 from ..landmarks.landmarks import LANDMARK_ENDINGS, landmark_file_beside
-from .report import report_files
+from .report import PAGE_ENDINGS, report_files
 
 
 def check_outputs(
@@ -56,7 +56,7 @@ def check_outputs(
             )
         if Path(name).name.lower() == found:
             raise ValueError(f"{name}: give the file a name before its ending.")
-    if report is not None and Path(report).suffix.lower() not in (".html", ".htm"):
+    if report is not None and Path(report).suffix.lower() not in PAGE_ENDINGS:
         raise ValueError(f"{report}: the page must end in .html.")
     asked = [(name, files_of(name)) for name in dict.fromkeys(outputs)]
     if report is not None:

@@ -31,6 +31,8 @@ from .page import page
 from .photos import skin_pictures, thumbnails
 from .sheet import summary_sheet
 
+#: Of the page itself.
+PAGE_ENDINGS = (".html", ".htm")
 #: Endings of what is written beside the page.
 COMPANIONS = (".json", ".png")
 #: Texels a side of the texture that is made for the page.
@@ -81,6 +83,8 @@ def write_report(
     ------
     ReconstructionError
         When a file cannot be written.
+    ValueError
+        When the page's name ends in something else than .html or .htm.
     """
     expect_paths(path=path)
     expect(Reconstruction, "a Reconstruction", reconstruction=reconstruction)
@@ -94,6 +98,8 @@ def write_report(
             f"companions must be some of {', '.join(COMPANIONS)}, not {companions!r}."
         )
     path = report_files(path)[0]
+    if path.suffix.lower() not in PAGE_ENDINGS:
+        raise ValueError(f"{path}: the page must end in .html.")
     tell = progress or (lambda fraction: None)
     if texture is None and textured and reconstruction.has_pixels:
         texture = bake_texture(

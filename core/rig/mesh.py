@@ -38,7 +38,7 @@ PARTS = ("skin", "eyes", "mouth")
 SIDES = ("Right", "Left")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class QuadMesh:
     """Quads.
 

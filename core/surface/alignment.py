@@ -20,7 +20,7 @@ from .template import Template
 EYE_CORNERS = ((33, 133), (263, 362))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Similarity:
     """``x -> scale R x + t``."""
 

@@ -28,7 +28,12 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from .._types import Array
+from ..kinds import coordinates, expect_whole, real_numbers
 
+#: Of a derivative: the pieces are cubic.
+HIGHEST_ORDER = 3
+#: Along one side of a grid of points, and of Newton steps.
+MOST_SAMPLES, MOST_STEPS = 100_000, 10_000
 #: No point that is looked for is farther from the origin, mm.
 FARTHEST = 1e9
 # The four cubic pieces of the cardinal B-spline on one knot span, as polynomials of
@@ -144,7 +149,7 @@ def grid_triangles(nu: int, nv: int) -> NDArray[np.int64]:
     return np.concatenate([np.stack([a, c, d], 1), np.stack([a, d, b], 1)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BSplineSurface:
     """Uniform bicubic B-spline surface ``F(u, v) = sum R_mn(u, v) b_mn`` (Eq. 1).
 
@@ -157,13 +162,18 @@ class BSplineSurface:
     control_points: Array = field()
 
     def __post_init__(self) -> None:
-        b = np.array(self.control_points, float)
+        b = np.array(real_numbers(self.control_points, "control points"))
         if b.ndim != 3 or b.shape[2] != 3 or min(b.shape[:2]) < 4:
             raise ValueError(f"control points must be (M>=4, N>=4, 3), got {b.shape}")
         if not np.isfinite(b).all():
             raise ValueError("control points must be finite")
         b.setflags(write=False)
         object.__setattr__(self, "control_points", b)
+
+    def __setstate__(self, state: dict[str, Array]) -> None:
+        # Copies and pickles bring arrays that can be written.
+        self.__dict__.update(state)
+        self.__post_init__()
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -178,14 +188,30 @@ class BSplineSurface:
     def matrix(
         self, u: ArrayLike, v: ArrayLike, du: int = 0, dv: int = 0
     ) -> sparse.csr_array:
-        """Coefficient matrix at ``(u, v)``; see `basis_matrix`."""
+        """Coefficient matrix at ``(u, v)``; see `basis_matrix`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Parameters that are not finite numbers, or orders that are not 0 to 3.
+        """
+        expect_whole(0, HIGHEST_ORDER, du=du, dv=dv)
+        u, v = real_numbers(u, "u"), real_numbers(v, "v")
+        if not (np.isfinite(u).all() and np.isfinite(v).all()):
+            raise ValueError("u and v must be finite numbers.")
         return basis_matrix(self.shape, u, v, du, dv)
 
     def evaluate(
         self, u: ArrayLike, v: ArrayLike, du: int = 0, dv: int = 0
     ) -> NDArray[np.float64]:
-        """Points or partial derivatives, ``(..., 3)`` for ``u, v`` of shape ``...``."""
-        u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
+        """Points or partial derivatives, ``(..., 3)`` for ``u, v`` of shape ``...``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            See `matrix`.
+        """
+        u, v = np.broadcast_arrays(real_numbers(u, "u"), real_numbers(v, "v"))
         value = self.matrix(u, v, du, dv) @ self.vector
         return value.reshape(*u.shape, 3)
 
@@ -201,6 +227,7 @@ class BSplineSurface:
 
     def grid(self, nu: int, nv: int) -> Array:
         """Points on a regular parameter grid, ends included, ``(nu, nv, 3)``."""
+        expect_whole(1, MOST_SAMPLES, nu=nu, nv=nv)
         m, n = self.shape
         across = dense_basis(m, np.linspace(0, 1, nu)) @ self.control_points.reshape(
             m, -1
@@ -211,17 +238,37 @@ class BSplineSurface:
     def transformed(
         self, scale: float = 1.0, R: ArrayLike | None = None, t: ArrayLike = 0.0
     ) -> BSplineSurface:
-        """The surface under ``x -> scale R x + t`` (affine invariance)."""
-        R = np.eye(3) if R is None else np.asarray(R, float)
-        return BSplineSurface(scale * self.control_points @ R.T + np.asarray(t, float))
+        """The surface under ``x -> scale R x + t`` (affine invariance).
+
+        Raises
+        ------
+        ValueError
+            A scale that is 0 or no finite number, R that is not (3, 3), or t that is
+            neither one number nor three.
+        """
+        size = real_numbers(scale, "scale")
+        if size.ndim or not np.isfinite(size) or size == 0:
+            raise ValueError(f"scale must be a finite number and not 0, not {scale!r}.")
+        R = np.eye(3) if R is None else real_numbers(R, "R")
+        t = real_numbers(t, "t")
+        if R.shape != (3, 3) or t.shape not in ((), (3,)):
+            raise ValueError(
+                f"R must be (3, 3) and t (3,), not {R.shape} and {t.shape}."
+            )
+        return BSplineSurface(scale * self.control_points @ R.T + t)
 
     def resampled(self, shape: tuple[int, int]) -> BSplineSurface:
         """Least-squares surface with another number of control points.
 
         Exact where the new knots contain the old ones (``M' - 3`` a multiple of
         ``M - 3``).
+
+        Raises
+        ------
+        ValueError
+            When ``shape`` is not two whole numbers, each 4 or more.
         """
-        return BSplineSurface(resampled_net(self.control_points, shape))
+        return BSplineSurface(resampled_net(self.control_points, net_shape(shape)))
 
     def clamped(self) -> tuple[Array, Array, Array]:
         """The same surface with clamped knots on [0, 1], for CAD files.
@@ -260,8 +307,8 @@ class BSplineSurface:
 
         Parameters
         ----------
-        points : (p, 3) array
-            Millimetres, in the frame of the surface.
+        points : (..., 3) array
+            Millimetres, in the frame of the surface; ``p`` of them.
         iterations : int
             Newton steps.
 
@@ -277,7 +324,8 @@ class BSplineSurface:
         ValueError
             Points are not finite, or farther than any face.
         """
-        q = np.asarray(points, float).reshape(-1, 3)
+        expect_whole(0, MOST_STEPS, iterations=iterations)
+        q = coordinates(points, "points", 3).reshape(-1, 3)
         if not (np.abs(q) < FARTHEST).all():
             raise ValueError("points must be finite places in millimetres")
         nu, nv = (4 * (c - 3) + 1 for c in self.shape)
@@ -323,10 +371,29 @@ class BSplineSurface:
         The surface is a sheet, not a closed solid: the side is that of the outward
         normal at the closest point.
         """
-        q = np.asarray(points, float).reshape(-1, 3)
+        q = coordinates(points, "points", 3).reshape(-1, 3)
         uv, distance = self.closest_point(q)
         offset = ((q - self.evaluate(*uv.T)) * self.normals(*uv.T)).sum(1)
         return np.where(offset < 0, -distance, distance)
+
+
+def net_shape(given: object, name: str = "shape") -> tuple[int, int]:
+    """Size of a control net, checked.
+
+    Raises
+    ------
+    ValueError
+        When it is not two whole numbers, each 4 or more.
+    """
+    numbers = list(given) if isinstance(given, tuple | list | np.ndarray) else []
+    whole = [x for x in numbers if isinstance(x, int | np.integer)]
+    fits = len(numbers) == len(whole) == 2 and min(whole) >= 4
+    if not fits or any(isinstance(x, bool) for x in whole):
+        raise ValueError(
+            f"{name} must be two whole numbers of at least 4, such as (42, 44), not "
+            f"{given!r:.60}."
+        )
+    return int(whole[0]), int(whole[1])
 
 
 def resampled_net(control_points: Array, shape: tuple[int, int]) -> Array:

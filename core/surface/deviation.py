@@ -12,7 +12,7 @@ from .bspline import BSplineSurface
 from .template import inside_polygon
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Deviation:
     """Distances of points from a surface.
 

@@ -45,6 +45,8 @@ def edited_template(surface: BSplineSurface, base: Template) -> Template:
     if not 0 < np.ptp(found, axis=0).max() < _LARGEST:
         raise ValueError(NO_FACE)
     place = fit_similarity(found, there[sure])
+    if not 0 < place.scale < np.inf:
+        raise ValueError(NO_FACE)
     moved = surface.transformed(place.scale, place.R, place.t)
     away = np.linalg.norm(moved.evaluate(*uv[sure].T) - there[sure], axis=1)
     if not np.sqrt((away**2).mean()) < _FARTHEST * base.eye_distance:

@@ -11,19 +11,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._types import Array
-from ..kinds import expect_paths
+from ..kinds import coordinates, expect_paths
 from ..npz_arrays import floats as npz_floats
 from ..npz_arrays import open_file, read_arrays
-from .bspline import BSplineSurface
+from .bspline import BSplineSurface, net_shape
 
 BUNDLED = Path(__file__).resolve().parents[1] / "data" / "template.npz"
 COUNT = 468  # landmarks of the face mesh
 MAX_BYTES = 500_000_000
 #: How far from the origin anything of a template may lie, mm.
 MAX_MM = 1e5
+#: So much outside of the unit square is rounding.
+ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Template:
     """Template face.
 
@@ -80,14 +82,24 @@ class Template:
         return w / w.max()
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
-        """Whether (u, v) lie within the outline of the face; ``(...,)`` bool."""
-        return inside_polygon(self.outline_uv, np.asarray(uv, float))
+        """Whether (u, v) lie within the outline of the face; ``(...,)`` bool.
+
+        Not what is outside of the unit square, or not finite.
+
+        Raises
+        ------
+        ValueError
+            When ``uv`` is not ``(..., 2)``.
+        """
+        at, there = _in_square(uv)
+        return there & inside_polygon(self.outline_uv, at)
 
     def is_skin(self, uv: ArrayLike) -> NDArray[np.bool_]:
-        """Whether (u, v) lie on skin; ``(...,)`` bool."""
+        """Whether (u, v) lie on skin; ``(...,)`` bool. See `inside`."""
+        at, there = _in_square(uv)
         k = len(self.skin)
-        at = np.clip((np.asarray(uv, float) * k).astype(int), 0, k - 1)
-        return self.skin[at[..., 0], at[..., 1]]
+        cell = np.clip((at * k).astype(int), 0, k - 1)
+        return there & self.skin[cell[..., 0], cell[..., 1]]
 
     def digest(self) -> str:
         """Hash of what no result changes: landmarks' parameters and the regions."""
@@ -98,7 +110,14 @@ class Template:
         return total.hexdigest()[:16]
 
     def resampled(self, shape: tuple[int, int]) -> Template:
-        """The same template with another number of control points."""
+        """The same template with another number of control points.
+
+        Raises
+        ------
+        ValueError
+            When ``shape`` is not two whole numbers, each 4 or more.
+        """
+        shape = net_shape(shape)
         if shape == self.surface.shape:
             return self
         fields = dict(self.__dict__)
@@ -112,6 +131,13 @@ class Template:
                 (-1, *shape, 3),
             )
         return Template(**fields)
+
+
+def _in_square(uv: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
+    """Parameters ``(..., 2)`` with 0 for what is not in the square, and what is."""
+    at = coordinates(uv, "uv", 2)
+    there = ((at >= -ROUNDING) & (at <= 1 + ROUNDING)).all(axis=-1)
+    return np.where(there[..., None], at, 0.0), there
 
 
 def inside_polygon(polygon: Array, points: Array) -> NDArray[np.bool_]:

@@ -29,7 +29,7 @@ from ..camera.camera import Camera
 from ..drawing.pictures import write_png
 from ..errors import ReconstructionError
 from ..images.colour import to_picture
-from ..kinds import CALLBACK, SWITCH, expect, expect_paths, expect_whole
+from ..kinds import CALLBACK, SWITCH, expect, expect_paths, expect_picture, expect_whole
 from ..photometry.skin import SkinMask, skin_masks
 from ..progress import CheckCancelled
 from ..result import Reconstruction
@@ -54,7 +54,7 @@ Picture = npt.NDArray[np.float32]
 _TILE = 64  # texture rows blended at a time
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Texture:
     """Textures of a face, linear intensities, row 0 at v = 0.
 
@@ -229,20 +229,21 @@ def write_texture(
     Parameters
     ----------
     path : path-like
-    linear : (S, S, 3) array
+    linear : (S, S, 3) array of floats
+        Intensities in [0, 1]; what lies beyond is clipped.
     depth : 8 or 16
     mask : (S, S) bool array, optional
         Written as the alpha channel: opaque where measured.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No such picture, another depth, or a name that does not end in .png.
     """
     expect_paths(path=path)
-    expect(np.ndarray, "an array", linear=linear)
+    expect_picture(linear, "linear", "linear intensities in [0, 1]", 3)
     expect(np.ndarray | None, "an array", mask=mask)
     square = linear.shape[:1] * 2
-    if linear.dtype.kind not in "fiu" or linear.shape != (*square, 3):
-        raise ValueError(
-            "linear must be an (S, S, 3) array of numbers, not "
-            f"{linear.dtype} of shape {linear.shape}."
-        )
     if mask is not None and (mask.dtype != bool or mask.shape != square):
         raise ValueError(
             f"mask must be a bool array of shape {square}, not {mask.dtype} of "

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from ..drawing.pictures import write_png
 from ..images.colour import stored_type
-from ..kinds import expect, expect_paths
+from ..kinds import expect, expect_paths, expect_picture
 from ..surface.bspline import BSplineSurface, dense_basis
 from .views import texel_centres
 
@@ -25,7 +25,7 @@ Picture = npt.NDArray[np.float32]
 WHITE_MM = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Detail:
     """Relief on a face's (u, v), row 0 at v = 0.
 
@@ -109,12 +109,14 @@ def tangent_normals(height: Picture, tangents: Tangents) -> Picture:
 def normal_picture(detail: Detail, depth: int = 8) -> npt.NDArray:
     """The normal map as a picture (S, S, 3): green up, flat is (128, 128, 255)."""
     expect(Detail, "a Detail", detail=detail)
+    expect_picture(detail.normals, "detail.normals", "unit normals", 3)
     return _quantised((detail.normals + 1) / 2, depth)
 
 
 def displacement_picture(detail: Detail) -> npt.NDArray[np.uint16]:
     """The displacement as a 16-bit picture (S, S): grey 0, white `WHITE_MM`."""
     expect(Detail, "a Detail", detail=detail)
+    expect_picture(detail.displacement, "detail.displacement", "millimetres")
     return _quantised(0.5 + detail.displacement / (2 * WHITE_MM), 16)
 
 

@@ -35,7 +35,7 @@ _SCALE = 0.15  # Cauchy scale of the relative residual
 _RIDGE = 3e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PhotoLights:
     """Lights of n photos.
 

@@ -1,5 +1,8 @@
 """The surface: against the definition, against scipy, and in closed form."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 import reference
@@ -316,3 +319,80 @@ def test_degenerate_surface_has_finite_normals():
     surface = BSplineSurface(np.zeros((4, 4, 3)))
     assert np.isfinite(surface.normals(*np.random.default_rng(0).random((2, 9)))).all()
     assert np.isfinite(surface.closest_point([[1.0, 2, 3]])[1]).all()
+
+
+@pytest.mark.parametrize("method", ["evaluate", "normals", "matrix"])
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, None, "a", 1j, True])
+def test_parameters_are_finite_numbers(method, wrong):
+    for uv in ((wrong, 0.5), (0.5, wrong), ([0.5, wrong], [0.5, 0.5])):
+        if uv[0] == [0.5, True]:
+            continue  # NumPy makes it 1.0
+        with pytest.raises(ValueError, match=r"[uv] must .*numbers.*\.$"):
+            getattr(wavy(), method)(*uv)
+
+
+def test_parameters_beyond_the_square_continue_the_border():
+    surface = wavy()
+    assert np.isfinite(surface.evaluate([-0.3, 1.2], [0.5, 7.0])).all()
+    assert surface.evaluate([], []).shape == (0, 3)
+
+
+def test_whole_numbers_are_told_by_name():
+    surface = wavy()
+    for wrong in (True, 1.5, -1, 4, None):
+        with pytest.raises((TypeError, ValueError), match="du must be a whole"):
+            surface.evaluate(0.5, 0.5, du=wrong)
+        with pytest.raises((TypeError, ValueError), match="dv must be a whole"):
+            surface.matrix([0.5], [0.5], dv=wrong)
+    with pytest.raises(ValueError, match="nu must be a whole number"):
+        surface.grid(-1, 2)
+    with pytest.raises(TypeError, match="nv must be a whole number"):
+        surface.grid(3, 2.5)
+    with pytest.raises(ValueError, match="iterations must be a whole number"):
+        surface.closest_point([0.0, 0.0, 0.0], iterations=-1)
+
+
+@pytest.mark.parametrize("points", [np.zeros((3, 4)), np.zeros(2), 1.0, [["a"] * 3]])
+def test_points_have_three_coordinates(points):
+    for method in (wavy().closest_point, wavy().signed_distance):
+        with pytest.raises(ValueError, match="points must"):
+            method(points)
+    assert wavy().signed_distance(np.zeros((2, 5, 3))).shape == (10,)
+
+
+@pytest.mark.parametrize("shape", [(20,), (), 20, (8, 9.5), (8, True), (3, 8), "ab"])
+def test_a_net_has_two_whole_numbers(shape):
+    with pytest.raises(ValueError, match="shape must be two whole numbers"):
+        wavy().resampled(shape)
+
+
+@pytest.mark.parametrize(
+    "wrong, words",
+    [
+        ({"scale": 0}, "scale must"),
+        ({"scale": np.nan}, "scale must"),
+        ({"scale": [1.0, 2.0, 3.0]}, "scale must"),
+        ({"scale": "2"}, "scale must"),
+        ({"R": np.eye(2)}, r"R must be \(3, 3\)"),
+        ({"R": [1.0, 2.0, 3.0]}, r"R must be \(3, 3\)"),
+        ({"t": [1.0, 2.0]}, r"t \(3,\)"),
+        ({"t": np.zeros((8, 9, 3))}, r"t \(3,\)"),
+    ],
+)
+def test_unusable_movements_are_refused(wrong, words):
+    with pytest.raises(ValueError, match=words):
+        wavy().transformed(**wrong)
+
+
+@pytest.mark.parametrize("kind", [complex, bool, str, object])
+def test_control_points_are_real_numbers(kind):
+    with pytest.raises(ValueError, match="control points must hold real numbers"):
+        BSplineSurface(np.ones((4, 4, 3)).astype(kind))
+    assert BSplineSurface(np.ones((4, 4, 3), int)).control_points.dtype == float
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy])
+def test_copies_of_a_surface_cannot_be_written_either(again):
+    for made in (again(wavy()), pickle.loads(pickle.dumps(wavy()))):
+        with pytest.raises(ValueError, match="read-only"):
+            made.control_points[0, 0, 0] = 1.0

@@ -1,5 +1,7 @@
 """The camera: a textbook pinhole, its derivatives, and its invariances."""
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -151,3 +153,73 @@ def test_toward_has_the_shape_of_the_points():
             ray = camera(3, kind).toward(np.zeros(shape))
             assert ray.shape == shape
             np.testing.assert_allclose(np.linalg.norm(ray, axis=-1), 1)
+
+
+GOOD = {"R": np.eye(3), "s": 1.0, "t": (0.0, 0.0), "kappa": 0.001, "principal": (1, 2)}
+
+
+@pytest.mark.parametrize(
+    "name, wrong",
+    [
+        ("R", [1, 0, 0]),
+        ("R", np.full((3, 3), np.nan)),
+        ("R", np.eye(3, dtype=complex)),
+        ("R", None),
+        ("s", 0.0),
+        ("s", -1.0),
+        ("s", np.inf),
+        ("s", "1"),
+        ("s", [1.0, 2.0]),
+        ("t", [0.0, 0.0, 0.0]),
+        ("t", [0.0, np.inf]),
+        ("kappa", np.nan),
+        ("principal", 3.0),
+        ("principal", [[0.0, 0.0]]),
+    ],
+)
+def test_what_is_no_camera_is_refused(name, wrong):
+    words = f"{name} must|A camera has finite numbers"
+    with pytest.raises(ValueError, match=words):
+        Camera(**{**GOOD, name: wrong})
+
+
+@pytest.mark.parametrize(
+    "again",
+    [lambda c: c, copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))],
+)
+def test_a_camera_owns_its_numbers(again):
+    given = {n: np.array(v, float) for n, v in GOOD.items()}
+    made = again(Camera(**given))
+    for name in ("R", "t", "principal"):
+        given[name][:] = 7.0
+        assert not (getattr(made, name) == 7.0).any()
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(made, name)[0] = 1.0
+    assert type(made.s) is float and type(made.kappa) is float
+
+
+@pytest.mark.parametrize("points", [[1.0, 2.0], np.zeros((3, 4)), 1.0, [["a"] * 3]])
+@pytest.mark.parametrize("kappa", [0.0, 0.001])
+def test_points_of_another_shape_are_refused(points, kappa):
+    c = Camera(**{**GOOD, "kappa": kappa})
+    for method in (c.project, c.toward, c.jacobians):
+        with pytest.raises(ValueError, match=r"Q must (be \(\.\.\., 3\)|hold real)"):
+            method(points)
+    with pytest.raises(ValueError, match=r"\(p, 3\)"):
+        c.jacobians([1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    "factor, R, t",
+    [
+        (0, np.eye(3), np.zeros(3)),
+        (-1.0, np.eye(3), np.zeros(3)),
+        (np.nan, np.eye(3), np.zeros(3)),
+        (1.0, np.eye(2), np.zeros(3)),
+        (1.0, np.eye(3), np.zeros(2)),
+        (1.0, np.eye(3), (0, 0, -2000.0)),  # behind the camera
+    ],
+)
+def test_unusable_movements_of_the_head_are_refused(factor, R, t):
+    with pytest.raises(ValueError, match="must be|positive scale"):
+        Camera(**GOOD).rescaled(factor, R, t)

@@ -192,3 +192,26 @@ def test_displacement_picture_holds_millimetres(tmp_path):
     back = (picture / 65535 - 0.5) * 2 * texture_detail.WHITE_MM
     np.testing.assert_allclose(back, dome().displacement, atol=2e-5)
     assert displacement_picture(dome())[0, 0] == 32768
+
+
+@pytest.mark.parametrize(
+    "displacement, normals",
+    [
+        ([[0.0]], [[[0.0, 0.0, 1.0]]]),
+        (np.full((4, 4), np.nan), np.full((4, 4, 3), np.nan)),
+        (np.zeros((4, 4), np.uint8), np.zeros((4, 4, 3), np.uint8)),
+        (np.zeros((0, 0)), np.zeros((0, 0, 3))),
+        (np.zeros((4, 5)), np.zeros((4, 4))),
+    ],
+)
+def test_what_is_no_relief_is_not_written(tmp_path, displacement, normals):
+    wrong = Detail(displacement, normals)
+    with pytest.raises((TypeError, ValueError), match=r"detail\.normals must be"):
+        write_normals(tmp_path / "n.png", wrong)
+    with pytest.raises((TypeError, ValueError), match=r"detail\.displacement must be"):
+        write_displacement(tmp_path / "d.png", wrong)
+    with pytest.raises(ValueError, match=r"give it a name in \.png"):
+        write_normals(tmp_path / "n.jpg", dome())
+    with pytest.raises(ValueError, match=r"give it a name in \.png"):
+        write_displacement(tmp_path / "d.tif", dome())
+    assert not list(tmp_path.iterdir())

@@ -13,6 +13,7 @@ from bsface.json_text import to_json
 from bsface.landmarks.landmarks import Landmarks
 from bsface.photometry.lighting import PhotometricEvidence
 from bsface.result import HistoryEntry, PhotoReport, Provenance, no_photo
+from bsface.surface.bspline import BSplineSurface
 from bsface.surface.edited import edited_template
 from bsface.surface.template import load_template
 from hypothesis import HealthCheck, given, settings
@@ -219,6 +220,14 @@ BAD = {
     "softness": (changed(constraint_softness_mm=-1.0), "negative"),
     "expressions": (changed(expressions=np.zeros((5, 2))), "expressions"),
     "landmarks": (changed(landmark_count=[-1, 109]), "landmark_count"),
+    "far eyes": (
+        changed(template_eye_centres=np.full((2, 3), 1e200)),
+        "template_eye_centres lie up to 1e.200 mm",
+    ),
+    "far template": (
+        lambda a: a["template_control_points"].put(0, -1e6),
+        "template_control_points lie up to 1e.06 mm",
+    ),
 }
 
 
@@ -278,9 +287,42 @@ def test_damaged_and_missing_files_are_refused_in_a_sentence(tmp_path, content):
         load(path)
 
 
-def test_wrong_kinds_are_a_type_error():
+def test_wrong_kinds_are_a_type_error(bare):
     with pytest.raises(TypeError, match="path must be a path"):
         load(3)
+    for path in (5, None, b"face.npz"):
+        with pytest.raises(TypeError, match="path must be a path"):
+            bare.save(path)
+    with pytest.raises(TypeError, match="date must be a text"):
+        bare.save("face.npz", date=3)
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (lambda s: s.resampled((300, 13)), "300 x 13"),
+        (lambda s: s.transformed(1e5), "mm from the origin"),
+        (lambda s: BSplineSurface(0 * s.control_points), "at one place"),
+        (lambda s: s.transformed(R=np.diag([1.0, 0, 0])), "on one line"),
+    ],
+)
+def test_what_would_not_be_read_is_not_written(bare, tmp_path, change, words):
+    old = tmp_path / "face.npz"
+    old.write_bytes(b"old")
+    face = bare.with_surface(change(bare.surface))
+    with pytest.raises(ReconstructionError, match=words) as refused:
+        face.save(old)
+    assert str(refused.value).startswith(f"{old}: a face file cannot hold this face")
+    assert old.read_bytes() == b"old"
+
+
+def test_a_face_file_has_a_name_and_a_date(bare, tmp_path):
+    with pytest.raises(ReconstructionError, match="name of the face file is empty"):
+        bare.save("")
+    for date in ("garbage", ""):
+        with pytest.raises(ReconstructionError, match="is not a date; write it as"):
+            bare.save(tmp_path / "face.npz", date=date)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_face_is_shown_in_one_line_and_as_a_picture(full):

@@ -249,3 +249,10 @@ def test_a_face_that_was_loaded_has_a_page_too(tmp_path):
     assert report.thumbnails(face) == {}
     with pytest.raises(ReconstructionError, match="needs the photos"):
         bake_texture(face)
+
+
+@pytest.mark.parametrize("name", ["rep.pdf", "rep.png", "rep.json", "face.npz"])
+def test_a_page_ends_in_html(tmp_path, name):
+    with pytest.raises(ValueError, match=rf"{name}: the page must end in \.html"):
+        report.write_report(tmp_path / name, bare_reconstruction())
+    assert not list(tmp_path.iterdir())

@@ -98,8 +98,19 @@ def test_most_of_the_face_is_skin(template):
     uv, _ = template.surface.closest_point([right, left])
     assert not template.is_skin(uv).any()
     assert template.is_skin([[0.5, 0.2], [0.3, 0.5]]).all()
-    # beyond the square the border counts
-    assert template.is_skin([[-0.2, 0.5], [1.3, 2.0]]).shape == (2,)
+    assert template.is_skin([[0.0, 0.0], [1.0, 1.0], [1 + 1e-12, 0.5]]).all()
+
+
+@pytest.mark.parametrize("asked", ["inside", "is_skin"])
+def test_nothing_is_beyond_the_square(template, asked):
+    beyond = [-0.2, 1.3, np.nan, np.inf, -np.inf, 1e300]
+    uv = [[x, 0.5] for x in beyond] + [[0.5, x] for x in beyond]
+    found = getattr(template, asked)([*uv, [0.5, 0.5]])
+    assert not found[:-1].any() and found[-1]
+    assert getattr(template, asked)([]).shape == (0,)
+    for wrong in (0.5, [0.5], [0.5, 0.5, 0.5], ["a", "b"], None):
+        with pytest.raises(ValueError, match="uv must"):
+            getattr(template, asked)(wrong)
 
 
 @given(x=st.floats(-0.5, 1.5), y=st.floats(-0.5, 1.5), turn=st.integers(0, 159))
@@ -137,6 +148,9 @@ def test_resampled(template):
     before = BSplineSurface(template.identity_modes[0]).evaluate(u, v)
     after = BSplineSurface(other.identity_modes[0]).evaluate(u, v)
     assert np.abs(after - before).max() < 0.25 * np.abs(before).max()
+    for wrong in ((20,), (), 20, (20, 24, 3), (20.5, 24), (True, 24), "ab", (3, 9)):
+        with pytest.raises(ValueError, match="shape must be two whole numbers"):
+            template.resampled(wrong)
     # what does not depend on the net is the same
     assert other.landmark_uv is template.landmark_uv
 

@@ -264,3 +264,40 @@ def test_unusable_requests_are_refused(painted):
         texture.bake_texture(bare_reconstruction())
     with pytest.raises(ValueError, match="64 to 8192"):
         texture.bake_texture(painted, 10)
+
+
+FINE = np.full((4, 4, 3), 0.5, np.float32)
+
+
+@pytest.mark.parametrize(
+    "linear, words",
+    [
+        (np.where(np.eye(4, dtype=bool)[..., None], np.nan, FINE), "must be finite"),
+        (np.full((4, 4, 3), np.inf), "must be finite"),
+        (
+            (255 * FINE).astype(np.uint8),
+            r"intensities in \[0, 1\] as floats, not uint8",
+        ),
+        (np.zeros((4, 4, 3), int), "as floats, not int64"),
+        (np.zeros((0, 0, 3)), r"\(S, S, 3\) array"),
+        (np.zeros((4, 5, 3)), r"\(S, S, 3\) array"),
+        (np.zeros((4, 4)), r"\(S, S, 3\) array"),
+    ],
+)
+def test_what_is_no_linear_picture_is_not_written(tmp_path, linear, words):
+    with pytest.raises(ValueError, match=words):
+        texture.write_texture(tmp_path / "a.png", linear)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("depth", [7, 12, 0, True, "8", 8.0])
+def test_depths_are_8_and_16(tmp_path, depth):
+    with pytest.raises((TypeError, ValueError), match="depth must be 8 or 16 bits"):
+        texture.write_texture(tmp_path / "a.png", FINE, depth)
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a.exr", "a"])
+def test_a_picture_is_named_after_its_format(tmp_path, name):
+    with pytest.raises(ValueError, match=r"give it a name in \.png"):
+        texture.write_texture(tmp_path / name, FINE)
+    assert texture.write_texture(tmp_path / "A.PNG", FINE).is_file()

@@ -6,6 +6,11 @@ import bsface
 import numpy as np
 import pytest
 from bsface import Detail, ReconstructionError
+from bsface.formats import ExchangeCurve
+from bsface.photometry.lighting import PhotometricEvidence
+from bsface.rig.mesh import QuadMesh
+from bsface.surface.alignment import Similarity
+from bsface.surface.deviation import Deviation
 from fake_face import painted_reconstruction
 
 PICTURE = np.zeros((40, 40, 3), np.uint8)
@@ -102,3 +107,39 @@ def test_methods_refuse_what_is_no_surface_and_no_place(good):
             face.surface.closest_point([[0.0, 0.0, place]])
     uv, distance = face.surface.closest_point([])
     assert uv.shape == (0, 2) and distance.shape == (0,)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        bsface.BSplineSurface,
+        bsface.Camera,
+        bsface.Comparison,
+        bsface.Constraint,
+        bsface.Detail,
+        bsface.Landmarks,
+        bsface.Photo,
+        bsface.Reconstruction,
+        bsface.Template,
+        bsface.Texture,
+        bsface.TrackedPhoto,
+        Deviation,
+        ExchangeCurve,
+        PhotometricEvidence,
+        QuadMesh,
+        Similarity,
+    ],
+)
+def test_what_holds_arrays_is_equal_to_itself_only(kind):
+    """NumPy's answer to "equal" is no truth: `==` and `hash` of arrays fail."""
+    one, other = object.__new__(kind), object.__new__(kind)
+    for made in (one, other):
+        made.__dict__.update(dict.fromkeys(kind.__dataclass_fields__, np.zeros(2)))
+    assert one == one and one != other
+    assert {one: 1}[one] == 1
+
+
+def test_a_surface_is_told_from_another(good):
+    face = good["track"]["face"]
+    assert face.surface in [face.surface]
+    assert face.surface != bsface.BSplineSurface(face.surface.control_points)

@@ -85,7 +85,7 @@ def sample_grid(template: Template, grid: int) -> Array:
     uv = np.stack(np.meshgrid(x, x, indexing="ij"), -1).reshape(-1, 2)
     keep = template.is_skin(uv)
     for dx, dy in ((0.01, 0), (-0.01, 0), (0, 0.01), (0, -0.01)):
-        keep &= template.is_skin(uv + (dx, dy))
+        keep &= template.is_skin(np.clip(uv + (dx, dy), 0, 1))
     return uv[keep]
 
 
