@@ -35,8 +35,7 @@ class StageTimes:
         self.marks: dict[str, tuple[float, float]] = {}
 
     def __call__(self, step) -> None:
-        stage = "landmarks" if step.stage == "photos" else step.stage
-        self.marks[stage] = self.clocks()
+        self.marks[step.stage] = self.clocks()
 
     def rows(self) -> list[dict]:
         """``stage``, ``cpu`` and ``wall`` seconds of each stage that was there."""

@@ -11,7 +11,7 @@ from bsface.drawing.surface_grid import outline_picture, read_picture, sample_su
 from bsface.images.colour import encode_srgb
 from bsface.texture.bake import Texture
 from bsface.texture.blend import COARSE
-from bsface.texture.light import light_maps
+from bsface.texture.light import open_sky
 from bsface.texture.views import (
     faces_of,
     prefiltered,
@@ -109,7 +109,7 @@ def rerender_errors(reconstruction: Any, texture: Texture) -> dict[str, npt.NDAr
     """
     plain = plain_average(reconstruction, texture.size)
     lights = texture.lights
-    basis, _ = light_maps(reconstruction.surface, COARSE)
+    basis, _ = open_sky(reconstruction.surface).maps(COARSE)
     mean_light = lights.mean_shading(basis)
     plain_albedo = plain / resized(mean_light, texture.size)
     errors: dict[str, list[float]] = {

@@ -39,6 +39,7 @@ from _sets import (
 )
 from _table import text_table, write_csv
 from bsface.drawing.rasterize import rasterize
+from bsface.images.focal_length import FILM_DIAGONAL_MM
 from bsface.prepare import collect_photos, make_problem
 from bsface.problem import PhotoCollection
 from bsface.reconstruct import solve
@@ -53,7 +54,6 @@ SETS = ["ict-a/S1", "ict-b/S1", "ict-g/S1", "mh-c/S1"]
 NEAR_MM = (350.0, 500.0)
 BEHIND_MM = 20.0  # the plane, from the middle between the eyes
 SHAPE = 4 / 3  # of the new photos, as phones have it
-FILM_DIAGONAL_MM = math.hypot(36, 24)
 EXIF, FOCAL_IN_35_MM, PIXELS = 0x8769, 41989, (40962, 40963)
 COLUMNS = (("mean", "mean %", ".2f"), ("normals", "normals", ".1f"))
 LABELS = [("set", "set"), ("photos", "photos"), ("taken", "taken"), ("exif", "EXIF")]

@@ -60,7 +60,7 @@ def verbs():
         "--tolerance", type=float, default=0.25, help="of meshes, in mm (0.25)"
     )
     send.set_defaults(verb="export")
-    show = argparse.ArgumentParser(description="what a .blend or .npz holds")
+    show = argparse.ArgumentParser(description="what a .blend or .npz file holds")
     show.add_argument("file", metavar="FILE")
     show.set_defaults(verb="info")
     found = {"reconstruct": add, "export": send, "info": show}

@@ -44,12 +44,9 @@ CHAINS = (
 )
 
 
-def editor():
+def editor() -> bpy.types.Object | None:
     """The mesh that is being edited, or None."""
-    for obj in bpy.data.objects:
-        if obj.type == "MESH" and PHOTO in obj:
-            return obj
-    return None
+    return photo_stage.mesh_with(PHOTO)
 
 
 def open_editor(

@@ -35,10 +35,7 @@ VIEW_SETTINGS = ("view_transform", "look", "exposure", "gamma")
 
 def editor() -> bpy.types.Object | None:
     """The plane that is being painted, or None."""
-    for obj in bpy.data.objects:
-        if obj.type == "MESH" and PHOTO in obj:
-            return obj
-    return None
+    return photo_stage.mesh_with(PHOTO)
 
 
 def open_editor(context: bpy.types.Context, canvas: Canvas) -> bpy.types.Object:

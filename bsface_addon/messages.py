@@ -208,10 +208,8 @@ def photo_status(code: str) -> tuple[str, str, str]:
 
 
 STAGES = {
-    "photos": "Reading photos",
     "landmarks": "Finding faces",
     "motion": "Placing cameras",
-    "shading": "Measuring light",
     "refine": "Refining the surface",
     "output": "Painting the texture",
 }

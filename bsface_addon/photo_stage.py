@@ -21,6 +21,14 @@ def is_open() -> bool:
     return any(BEFORE in obj for obj in bpy.data.objects)
 
 
+def mesh_with(key: str) -> bpy.types.Object | None:
+    """The mesh that has a property of this name, as an editor's has; or None."""
+    for obj in bpy.data.objects:
+        if obj.type == "MESH" and key in obj:
+            return obj
+    return None
+
+
 def open_stage(
     context: bpy.types.Context, obj: bpy.types.Object, size: tuple[int, int]
 ) -> bpy.types.Object:

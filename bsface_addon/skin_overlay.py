@@ -36,11 +36,6 @@ def refresh(context: bpy.types.Context, face: bpy.types.Object | None) -> None:
             _show(view, skin_pictures.tint(known, painted))
 
 
-def is_shown(view: bpy.types.Object) -> bool:
-    """Whether the tint lies over the photo of a camera."""
-    return len(view.data.background_images) > 1
-
-
 def _show(view: bpy.types.Object, tint: bytes) -> None:
     slots = view.data.background_images
     if not slots:

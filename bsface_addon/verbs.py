@@ -68,7 +68,7 @@ def reconstruct(options):
 
 
 def info(options):
-    """``info FILE``: what a .blend, .npz holds."""
+    """``info FILE``: what a .blend or .npz file holds."""
     import bpy
 
     from . import scene, stored_facts, surface_object

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from ._types import Array
 
-STAGES = ("photos", "landmarks", "motion", "shading", "refine", "output")
+STAGES = ("landmarks", "motion", "refine", "output")
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def never_cancelled() -> None:
 
 
 # Share of the whole time at which each stage ends, measured on 40 photos of 400 px.
-ENDS = {"photos": 0.05, "landmarks": 0.2, "motion": 0.25, "refine": 0.98, "output": 1.0}
+ENDS = {"landmarks": 0.2, "motion": 0.25, "refine": 0.98, "output": 1.0}
 
 
 @dataclass

@@ -176,6 +176,12 @@ def bare_reconstruction() -> Reconstruction:
     )
 
 
+def average_reconstruction() -> Reconstruction:
+    """The same of the bundled average face."""
+    template = load_template()
+    return replace(bare_reconstruction(), surface=template.surface, template=template)
+
+
 def person_folder(
     folder,
     count: int = 4,

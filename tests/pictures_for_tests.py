@@ -24,8 +24,8 @@ def _chunk(name: bytes, body: bytes) -> bytes:
     return struct.pack(">I", len(body)) + name + body + struct.pack(">I", crc)
 
 
-def _png(kind: int, width: int, height: int, *chunks: bytes) -> bytes:
-    head = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0))
+def _png(kind: int, width: int, height: int, *chunks: bytes, bits: int = 8) -> bytes:
+    head = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0))
     return b"".join([b"\x89PNG\r\n\x1a\n", head, *chunks, _chunk(b"IEND", b"")])
 
 
@@ -35,9 +35,10 @@ def _rows(pixels: np.ndarray) -> bytes:
     return zlib.compress(np.pad(flat, ((0, 0), (1, 0))).tobytes())
 
 
-def bomb(width: int, height: int) -> bytes:
+def bomb(width: int, height: int, bits: int = 8, kind: int = 2) -> bytes:
     """A PNG of some bytes that claims a picture of any size."""
-    return _png(2, width, height, _chunk(b"IDAT", zlib.compress(b"\0" * 1000)))
+    pixels = _chunk(b"IDAT", zlib.compress(b"\0" * 1000))
+    return _png(kind, width, height, pixels, bits=bits)
 
 
 def palette(rgb: np.ndarray) -> bytes:

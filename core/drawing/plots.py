@@ -1,6 +1,6 @@
 """Small SVG plots for the report, drawn here so that the page needs nothing else.
 
-Colours come from the page's style sheet (classes ``axis``, ``grid``, ``dot``, ...), so
+Colours come from the page's style sheet (classes ``label``, ``grid``, ``dot``, ...), so
 that plots follow its light or dark scheme.
 """
 
@@ -18,9 +18,9 @@ WIDTH, HEIGHT = 360, 270
 _LEFT, _RIGHT, _TOP, _BOTTOM = 56, 10, 14, 36
 
 
-def _svg(body: Sequence[str], label: str, width: int = WIDTH) -> str:
+def _svg(body: Sequence[str], label: str) -> str:
     return (
-        f'<svg viewBox="0 0 {width} {HEIGHT}" role="img" aria-label="{escape(label)}">'
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(label)}">'
         + "".join(body)
         + "</svg>"
     )

@@ -1,6 +1,6 @@
 """Which triangle each pixel of a picture sees: a z-buffer in NumPy.
 
-The renderer draws with it, and the texture finds with it what a camera sees.
+The renderer draws with it.
 """
 
 from __future__ import annotations

@@ -20,14 +20,6 @@ def encode_srgb(linear: npt.ArrayLike) -> Array32:
     ).astype(np.float32)
 
 
-def decode_srgb(encoded: npt.ArrayLike) -> Array32:
-    """Encoded intensities to linear ones, both in [0, 1]."""
-    encoded = np.clip(np.asarray(encoded, np.float32), 0.0, 1.0)
-    return np.where(
-        encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4
-    ).astype(np.float32)
-
-
 @lru_cache(maxsize=2)
 def srgb_table(dtype: str) -> Array32:
     """Linear intensity of each value of an unsigned type, such as ``"<u2"``."""

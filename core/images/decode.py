@@ -1,7 +1,7 @@
 """A picture file to pixels, with everything that can be wrong about it.
 
-The order keeps harmless what is hostile: the kind of file, its size, what its
-header claims, and only then the pixels.
+Checks come in this order so that hostile files do no harm: the kind of file, its
+size, what its header claims, and only then the pixels.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from .boxes import boxes, inside
 from .tiff import Field, directory
@@ -141,21 +142,28 @@ def _exif_item(view: memoryview) -> int | None:
     return None
 
 
+@dataclass
+class _Numbers:
+    """Reads the numbers of a box one after the other, from the byte ``at`` on."""
+
+    content: memoryview
+    at: int
+
+    def take(self, size: int) -> int:
+        """The next number, of ``size`` bytes."""
+        self.at += size
+        if self.at > len(self.content):
+            raise IndexError("iloc is cut short")
+        return int.from_bytes(self.content[self.at - size : self.at], "big")
+
+
 def _item(view: memoryview, wanted: int) -> memoryview | None:
     """First extent of an item, where the box ``iloc`` says that it stands."""
     for content in inside(view, b"meta", b"iloc"):
         version, sizes = content[0], struct.unpack(">BB", content[4:6])
         wide = [size for pair in sizes for size in (pair >> 4, pair & 15)]
         offset_size, length_size, base_size, index_size = wide
-        at = 6
-
-        def take(size: int, content: memoryview = content) -> int:
-            nonlocal at
-            at += size
-            if at > len(content):
-                raise IndexError("iloc is cut short")
-            return int.from_bytes(content[at - size : at], "big")
-
+        take = _Numbers(content, 6).take
         indexed = index_size if version in (1, 2) else 0
         for _ in range(take(4 if version == 2 else 2)):
             number = take(4 if version == 2 else 2)

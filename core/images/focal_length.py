@@ -18,7 +18,7 @@ from .tiff import Field
 
 _FOCAL_MM, _WIDTH, _HEIGHT = 37386, 40962, 40963
 _DENSITY, _DENSITY_UNIT, _ZOOM, _FOCAL_35 = 41486, 41488, 41988, 41989
-_FILM_DIAGONAL_MM = math.hypot(36, 24)
+FILM_DIAGONAL_MM = math.hypot(36, 24)
 _UNITS_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 #: Widths of sensors whose cameras state the density of their pixels, mm.
 _SENSORS_MM = (35.9, 28.7, 23.6, 22.4, 17.3, 13.2)
@@ -55,7 +55,7 @@ def focal_length_px(data: Picture8, kind: str, size: tuple[int, int]) -> float |
     film_mm = _value(tags.get(_FOCAL_35))
     if film_mm == 0:
         diagonals = math.hypot(long, short) / long
-        film_mm = _by_sensor(tags, max(written)) / diagonals * _FILM_DIAGONAL_MM
+        film_mm = _by_sensor(tags, max(written)) / diagonals * FILM_DIAGONAL_MM
     return of_film(film_mm, size)
 
 
@@ -76,7 +76,7 @@ def of_film(film_mm: float, size: tuple[int, int]) -> float | None:
     """
     if not any(_alike(max(size) / min(size), shape) for shape in _SHAPES):
         return None
-    diagonals = film_mm / _FILM_DIAGONAL_MM
+    diagonals = film_mm / FILM_DIAGONAL_MM
     if not _NEAREST <= diagonals <= _FARTHEST:
         return None
     return diagonals * math.hypot(*size)

@@ -2,10 +2,10 @@
 
 The networks are MediaPipe's (Apache-2.0): BlazeFace short range, which wants a
 128-pixel picture, and Face Mesh, which wants a 192-pixel upright crop of one
-face. OpenCV's DNN module runs them. Round them stands what makes them good
-enough to measure with: a pyramid of windows for small faces, rotations for
-lying ones, a crop that is aligned again from its own landmarks, and the average
-over several crops and their mirror images.
+face. OpenCV's DNN module runs them. For landmarks that are accurate enough to measure
+with, this module adds a pyramid of windows for small faces, rotations for lying
+ones, a crop that is aligned again from its own landmarks, and the average over
+several crops and their mirror images.
 """
 
 from __future__ import annotations
@@ -149,10 +149,10 @@ class FaceMesh:
     ) -> tuple[Face, ...]:
         """Faces in a picture, the surest first.
 
-        The detector proposes, the mesh disposes: a proposal counts if the mesh,
-        on the crop turned by a quarter each time, is sure of a face. This also
-        rights the faces that the detector took for upright while they lie or
-        stand on their head.
+        The detector makes proposals. One of them counts if the mesh is sure of a
+        face on the crop or on the crop turned by one, two or three quarters. So a
+        face that lies or is upside down gets its true direction, also where the
+        detector took it for upright.
 
         Parameters
         ----------

@@ -45,5 +45,5 @@ Faces = tuple[Candidate, ...]
 
 
 def usable_faces(faces: Faces) -> Faces:
-    """Those without a failure, which is false where it is tested for its truth."""
+    """The faces without a failure."""
     return tuple(face for face in faces if face.failure is None)

@@ -2,7 +2,7 @@
 
 Section 2.2.1 clips the photos to a frontal view; here they are read at the projections
 of surface points ``F(u_j, v_j)``, with the surface's own self-occlusion, and with the
-derivative of the intensity, which is what the joint refinement lives on.
+derivative of the intensity, which the joint refinement needs.
 """
 
 from __future__ import annotations
@@ -112,22 +112,14 @@ def smooth_photo(
     return IntensityField(image.astype(np.float32), (x0, y0, scale))
 
 
-def occlusion(
-    surface: BSplineSurface, camera: Camera, points: Array, grid: int = 161
-) -> NDArray[np.bool_]:
-    """Which of ``points`` (p, 3) the surface itself hides from the camera, ``(p,)``.
-
-    A depth map is filled by the points of a dense grid on the surface; a point is
-    hidden if its cell holds something nearer by more than `DEPTH_MARGIN`.
-    """
-    cover = surface.grid(grid, grid).reshape(-1, 3)
-    return occluded(cover, camera, points)
-
-
 def occluded(
     cover: Array, camera: Camera, points: Array, cell_mm: float = CELL
 ) -> NDArray[np.bool_]:
-    """As `occlusion`, for a surface that is given by dense points."""
+    """Which of ``points`` (p, 3) a surface hides from the camera, ``(p,)``.
+
+    A depth map is filled by ``cover``, dense points of the surface, (c, 3); a point is
+    hidden if its cell holds something nearer by more than `DEPTH_MARGIN`.
+    """
     cell = cell_mm * camera.s
     both = points if points is cover else np.concatenate([cover, points])
     *at, depth = camera.rows(both)

@@ -11,17 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..drawing.pictures import colour_map, encode_jpeg, encode_png
+from ..errors import FailureCode
 from .style_sheet import STYLE
-
-#: Failure codes in words, for the badge.
-_STATUS = {
-    "unreadable": "not readable",
-    "too_large": "too large",
-    "no_face": "no face",
-    "small_face": "face too small",
-    "implausible": "implausible",
-    "other_person": "other person",
-}
 
 _MAP_NAMES = {
     "z": "z, depth",
@@ -229,10 +220,18 @@ def _photos(
     )
 
 
+def _word(status: str) -> str:
+    """A photo's status for people."""
+    try:
+        return FailureCode(status).label
+    except ValueError:  # "used", or of a file that a newer version wrote
+        return status
+
+
 def _photo(entry: Mapping[str, Any], jpeg: bytes | None, skin: bytes | None) -> str:
     name = str(entry["name"])
     used = entry["status"] == "used"
-    word = _STATUS.get(str(entry["status"]), str(entry["status"]))
+    word = _word(str(entry["status"]))
     picture = (
         _embedded(jpeg, "jpeg", name)
         if jpeg

@@ -80,13 +80,10 @@ def thumbnail(reconstruction: Reconstruction, index: int, side: int = SIDE) -> P
 
 def _chosen(template: Template, scheme: str) -> npt.NDArray[np.int64] | None:
     """Positions of the 68 iBUG points within a scheme's points, or None."""
-    wanted = template.schemes.get("68")
-    if wanted is None:
-        return None
     if scheme == "68":
         return np.arange(68)
     if scheme == "468":
-        return np.asarray(wanted)
+        return template.schemes["68"]
     return None
 
 
@@ -130,14 +127,12 @@ def skin_pictures(
     return found
 
 
-def contact_sheet(
-    reconstruction: Reconstruction, columns: int, width: int, background: int = 255
-) -> Picture:
-    """All used photos in rows of equal squares."""
+def contact_sheet(reconstruction: Reconstruction, columns: int, width: int) -> Picture:
+    """All used photos in rows of equal squares, on white."""
     cell = width // columns
     count = len(reconstruction.photos)
     rows = -(-count // columns)
-    sheet = np.full((rows * cell, width, 3), background, np.uint8)
+    sheet = np.full((rows * cell, width, 3), 255, np.uint8)
     for index in range(count):
         picture = thumbnail(reconstruction, index, cell - 6)
         height, wide = picture.shape[:2]

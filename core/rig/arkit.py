@@ -23,8 +23,10 @@ from .._types import Array
 from ..errors import ReconstructionError
 from ..kinds import expect
 from ..npz_arrays import floats, read_arrays
+from ..surface.alignment import EYE_CORNERS
 from ..surface.bspline import BSplineSurface, basis_matrix
 from ..surface.template import Template, load_template
+from .eyes import EYE_DISTANCE_MM
 from .grid import Slit, along
 from .names import ARKIT_NAMES
 
@@ -32,8 +34,6 @@ BUNDLED = Path(__file__).resolve().parents[1] / "data" / "arkit.npz"
 MAX_BYTES = 50_000_000
 #: Landmarks in the middle of the upper and the lower lid, by the subject's side.
 LIDS = {"Right": (159, 145), "Left": (386, 374)}
-#: Landmarks of the outer and the inner corner of the eyes.
-CORNERS = {"Right": (33, 133), "Left": (263, 362)}
 #: Where the upper lid margin of a closed eye may lie, from the lower one, mm: upwards
 #: and forwards, at the middle of the lids.
 LID_OVER, LID_BEFORE = (-0.5, -0.1), (0.1, 0.8)
@@ -142,7 +142,7 @@ def arkit_keys(face: Face) -> dict[str, Array]:
             face.surface,
             keys[name],
             lid_slit(loop),
-            feature_sizes(face.surface, units)["eyes"] / 62.0,
+            feature_sizes(face.surface, units)["eyes"] / EYE_DISTANCE_MM,
         )
     return keys
 
@@ -216,7 +216,7 @@ def feature_sizes(surface: BSplineSurface, units: FaceUnits) -> dict[str, float]
     uv = units.landmark_uv
     middle = {
         side: surface.evaluate(*uv[list(pair)].T).mean(0)
-        for side, pair in CORNERS.items()
+        for side, pair in zip(("Right", "Left"), EYE_CORNERS, strict=True)
     }
     sizes = {"eyes": float(np.linalg.norm(middle["Left"] - middle["Right"]))}
     for side, pair in LIDS.items():

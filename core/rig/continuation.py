@@ -6,8 +6,8 @@ The smallest thin-plate energy with a pull to zero far away,
 
 where ``L`` is the cotangent Laplacian, ``m`` the area of the vertices, ``r`` the reach,
 ``g`` a given displacement and ``w`` how much it counts; where ``w`` is infinite,
-``d = g``. The
-surface and its tangent go on across the seam, since the energy has second derivatives.
+``d = g``. The surface and its tangent go on across the seam, since the energy has
+second derivatives.
 Reference: Botsch and Sorkine, On Linear Variational Surface Deformation Methods, IEEE
 TVCG 2008, section 3.
 """

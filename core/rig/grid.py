@@ -43,9 +43,9 @@ class SlitGrid:
         Counter-clockwise seen from outside.
     banks : tuple of (upper, lower)
         Vertex indices of the two banks of each slit, u rising; corners are in both.
-    below : (p,) array
-        For each slit +1 above, -1 below the slit's row and 0 on it, (slits, p); the
-        banks count as above and below.
+    side : (slits, p) array
+        For each slit +1 above the slit's row, -1 below and 0 on it; the banks count as
+        above and below.
     """
 
     uv: Array

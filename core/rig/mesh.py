@@ -288,11 +288,10 @@ class _Builder:
             rings = len(rim) // len(loop)
             gone = np.tile(skin[loop], (rings, 1))
             radius = np.linalg.norm(rim - ball.centre, axis=1, keepdims=True)
-            moved.append(ball.onto(rim + gone) * 1.0)
             share = radius / ball.radius
-            moved[-1] = ball.centre + share * (moved[-1] - ball.centre) - rim
-            moved[-1][~gone.any(axis=1)] = 0.0
-            moved.append(self._eye_turn(name, k, ball, points))
+            away = ball.centre + share * (ball.onto(rim + gone) - ball.centre) - rim
+            away[~gone.any(axis=1)] = 0.0
+            moved += [away, self._eye_turn(name, k, ball, points)]
         if self.bag is not None:
             upper, lower = self.bag
             moved.append(bag_movement(skin[upper], skin[lower]))

@@ -23,7 +23,7 @@ from ..images.photo import Photo
 from ..photometry import harmonics
 from ..photometry.lighting import robust_weights, solve_lights
 from ..photometry.sampling import IntensityField, smooth_photo, view_weights
-from ..surface.bspline import basis_matrix
+from ..surface.bspline import basis_matrix, unit_normals
 from .known_face import (
     KnownFace,
     PhotoLandmarks,
@@ -150,8 +150,7 @@ def _intensity_rows(
     camera, e = at
     surface = face.with_expression(e)
     X, fu, fv = (T @ surface.vector for T in skin.T)
-    N = np.cross(fv, fu)
-    N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-12)
+    N = unit_normals(fu, fv)
     view = view_weights(surface, [camera], skin.uv, options.grazing)[0]
     where, J, C = camera.jacobians(X)
     value, slope, inside = intensities.read(where)

@@ -187,7 +187,7 @@ class _PhotoBlock(NamedTuple):
 
 
 def _photo_block(rows: LandmarkRows, E: Array, hold: Array, pull: Array) -> _PhotoBlock:
-    """Block of one photo; ``hold`` and ``pull`` are the prior of its unknowns, (q,)."""
+    """Block of one photo; ``hold`` (q, q) and ``pull`` (q,) are its unknowns' prior."""
     w, J = rows.weight, rows.by_point
     own = np.concatenate([rows.by_camera, J @ E], 2)
     weighted = w[:, None, None] * own

@@ -137,9 +137,8 @@ def solve_symmetric(matrix: sparse.csc_array, right: Array) -> tuple[Array, floa
         raise np.linalg.LinAlgError(
             "the least-squares system holds values that are not finite"
         )
-    # The fill-reducing order of the symmetric pattern halves the time of the default
-    # (design/method.md, section 8), but takes pivots from the diagonal only; the
-    # second attempt pivots freely.
+    # The fill-reducing order of the symmetric pattern halves the time, but takes
+    # pivots from the diagonal only; the second attempt pivots freely.
     attempts = (
         {
             "permc_spec": "MMD_AT_PLUS_A",

@@ -94,7 +94,10 @@ def motion(
 def initial_cameras(
     template: Template, landmarks: LandmarkObservations, prior: CameraPrior
 ) -> list[Camera]:
-    """The linear pose of each photo (section 2.3.1), at the typical distance."""
+    """The linear pose of each photo (section 2.3.1), at the distance of the prior.
+
+    That is the distance by the focal length where it is known, else the typical one.
+    """
     Q = template.landmark_xyz[landmarks.index]
     cameras = []
     for i, name in enumerate(landmarks.names):

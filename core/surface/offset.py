@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array, Mask
-from .bspline import BSplineSurface, segment_basis
+from .bspline import BSplineSurface, dense_basis, unit_normals
 from .template import inside_polygon
 
 #: The net is refined by these factors, in this order.
@@ -129,7 +129,7 @@ def _fitted(surface: BSplineSurface, distance: float, factor: int) -> BSplineSur
     for axis, (count, x) in enumerate(zip(shape, (u, v), strict=True)):
         value = np.moveaxis(net, axis, 0)
         solved = np.linalg.lstsq(
-            _basis(count, x, 0), value.reshape(len(x), -1), rcond=None
+            dense_basis(count, x), value.reshape(len(x), -1), rcond=None
         )[0]
         net = np.moveaxis(solved.reshape(count, *value.shape[1:]), 0, axis)
     return BSplineSurface(net)
@@ -159,20 +159,14 @@ def _kept(u: Array, v: Array, outline_uv: npt.ArrayLike | None) -> Mask:
     return inside_polygon(np.asarray(outline_uv, float), uv)
 
 
-def _basis(count: int, x: Array, order: int) -> Array:
-    first, value = segment_basis(count, x, order)
-    dense = np.zeros((len(x), count))
-    np.put_along_axis(dense, first[:, None] + np.arange(4), value, 1)
-    return dense
-
-
-def _grid(surface: BSplineSurface, u: Array, v: Array, du: int = 0, dv: int = 0):
+def _grid(
+    surface: BSplineSurface, u: Array, v: Array, du: int = 0, dv: int = 0
+) -> Array:
     """Points or derivatives on the grid of u and v, (p, q, 3)."""
     m, n = surface.shape
-    along_u = np.tensordot(_basis(m, u, du), surface.control_points, (1, 0))
-    return np.einsum("qj,pjc->pqc", _basis(n, v, dv), along_u, optimize=True)
+    along_u = np.tensordot(dense_basis(m, u, du), surface.control_points, (1, 0))
+    return np.einsum("qj,pjc->pqc", dense_basis(n, v, dv), along_u, optimize=True)
 
 
 def _normals(surface: BSplineSurface, u: Array, v: Array) -> Array:
-    h = np.cross(_grid(surface, u, v, 0, 1), _grid(surface, u, v, 1, 0))
-    return h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-12)
+    return unit_normals(_grid(surface, u, v, 1, 0), _grid(surface, u, v, 0, 1))

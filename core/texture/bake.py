@@ -263,12 +263,12 @@ def _closed_mouth(reconstruction: Reconstruction) -> npt.NDArray[np.float64]:
     """
     # Inner lip of the 68 iBUG points: above, below, right and left corner.
     inner = np.array([62, 66, 60, 64])
-    scheme68 = reconstruction.template.schemes.get("68")
+    scheme68 = reconstruction.template.schemes["68"]
     closed = np.ones(len(reconstruction.photos))
     for i, marks in enumerate(reconstruction.landmarks):
         points = np.asarray(marks.points, float)
-        if marks.scheme == "468" and scheme68 is not None:
-            points = points[np.asarray(scheme68)]
+        if marks.scheme == "468":
+            points = points[scheme68]
         elif marks.scheme != "68":
             continue
         above, below, right, left = points[inner]

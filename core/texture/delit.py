@@ -225,8 +225,8 @@ def _calmness(reconstruction: Reconstruction) -> npt.NDArray[np.float32]:
 
     An open mouth is not only another picture, it also lies elsewhere on the surface.
     """
-    expressions = getattr(reconstruction, "expressions", None)
-    if expressions is None or not np.size(expressions):
+    expressions = reconstruction.expressions
+    if not expressions.size:
         return np.ones(len(reconstruction.photos), np.float32)
-    size = (np.asarray(expressions, float) ** 2).sum(axis=1)
+    size = (expressions**2).sum(axis=1)
     return (1 / (1 + size / max(float(np.median(size)), 1.0)) ** 2).astype(np.float32)

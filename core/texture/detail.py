@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ..drawing.pictures import write_png
 from ..images.colour import stored_type
 from ..kinds import expect, expect_paths, expect_picture
-from ..surface.bspline import BSplineSurface, dense_basis
+from ..surface.bspline import BSplineSurface, dense_basis, unit_normals
 from .views import texel_centres
 
 Picture = npt.NDArray[np.float32]
@@ -82,13 +82,11 @@ def tangents_of(surface: BSplineSurface, size: int) -> Tangents:
     # Where the surface is folded a slope means nothing; no gradient is seen there.
     area = np.maximum(E * G - F * F, 1e-6 * np.median(E * G))[..., None]
     tangent = F_u / np.maximum(np.sqrt(E), 1e-9)[..., None]
-    normal = np.cross(F_v, F_u)
-    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-9)
     return Tangents(
         dual_u=((G[..., None] * F_u - F[..., None] * F_v) / area).astype(np.float32),
         dual_v=((E[..., None] * F_v - F[..., None] * F_u) / area).astype(np.float32),
         tangent=tangent.astype(np.float32),
-        up=np.cross(normal, tangent).astype(np.float32),
+        up=np.cross(unit_normals(F_u, F_v), tangent).astype(np.float32),
         length_u=float(np.median(np.sqrt(E))),
         length_v=float(np.median(np.sqrt(G))),
     )

@@ -87,7 +87,15 @@ class Sky:
     normals: Array
 
     def maps(self, size: int) -> tuple[Picture, Array]:
-        """What each harmonic of the light does; see `light_maps`."""
+        """What each harmonic of the light does on the surface, shadows included.
+
+        Returns
+        -------
+        basis : (size, size, k) float32 array
+            Row v, column u.
+        front : (k,) array
+            As in `PhotoLights`.
+        """
         over = self.transfer
         front = np.maximum(_FRONT @ over.directions.T, 0) @ over.light
         return _enlarged(over.basis(self.normals), size), front.mean(axis=0)
@@ -127,19 +135,6 @@ def open_sky(surface: BSplineSurface) -> Sky:
     v, u = (x.ravel() for x in np.meshgrid(at, at, indexing="ij"))
     transfer = radiance_transfer(surface, np.stack([u, v], axis=1), DEGREE)
     return Sky(transfer, surface.normals(u, v))
-
-
-def light_maps(surface: BSplineSurface, size: int) -> tuple[Picture, Array]:
-    """What each harmonic of the light does on a surface, its own shadows included.
-
-    Returns
-    -------
-    basis : (size, size, k) float32 array
-        Row v, column u.
-    front : (k,) array
-        As in `PhotoLights`.
-    """
-    return open_sky(surface).maps(size)
 
 
 def _enlarged(values: Array, size: int) -> Picture:

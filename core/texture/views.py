@@ -20,6 +20,7 @@ from ..camera.camera import Camera
 from ..images.photo import Photo
 from ..photometry.sampling import occluded
 from ..result import Reconstruction
+from ..solve.expression import expression_displacements
 from ..surface.alignment import relative_size
 from ..surface.bspline import BSplineSurface, dense_basis, unit_normals
 
@@ -195,16 +196,12 @@ def _extended(picture: Picture) -> Picture:
 def faces_of(reconstruction: Reconstruction) -> list[BSplineSurface]:
     """The face as it is in each used photo, with the expression that it has there."""
     neutral = reconstruction.surface
-    found = getattr(reconstruction, "expressions", None)
-    if found is None or not np.any(found):
+    template, expressions = reconstruction.template, reconstruction.expressions
+    if not np.any(expressions):
         return [neutral] * len(reconstruction.photos)
-    template = reconstruction.template
     size = relative_size(neutral, template)
-    modes = size * template.expression_modes[: found.shape[1]]
-    expression_offsets = np.einsum("ik,kuvx->iuvx", found, modes)
-    return [
-        BSplineSurface(neutral.control_points + move) for move in expression_offsets
-    ]
+    moves = expression_displacements(template, expressions, size)
+    return [BSplineSurface(neutral.control_points + move) for move in moves]
 
 
 def view_photos(reconstruction: Reconstruction, size: int) -> Iterator[View]:

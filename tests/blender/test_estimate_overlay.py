@@ -99,7 +99,7 @@ def begin(window, last=None, face=None):
     class Begun(Operator):
         @staticmethod
         def work(solver, request, progress):
-            progress(Step("photos", 1, 1, 0.1, ""))
+            progress(Step("landmarks", 1, 1, 0.1, ""))
             progress(Step("motion", 1, 1, 0.2, "", net(1.1)))
             progress(Step("refine", 1, 2, 0.5, "", net()))
             progress(Step("output", 1, 2, 0.9, ""))

@@ -292,7 +292,7 @@ def test_pose_of_an_exact_picture_is_found(template):
 def test_stages_end_when_they_were_last_heard_of():
     ticks = iter((float(k), 10.0 * k) for k in range(9))
     times = _speed_worker.StageTimes(lambda: next(ticks))
-    for stage in ("photos", "landmarks", "landmarks", "refine", "output"):
+    for stage in (*3 * ["landmarks"], "refine", "output"):
         times(SimpleNamespace(stage=stage))
     assert times.rows() == [
         {"stage": "landmarks", "cpu": 3.0, "wall": 30.0},

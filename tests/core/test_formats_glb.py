@@ -2,7 +2,6 @@
 
 import json
 import struct
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +11,7 @@ from bsface.errors import ReconstructionError
 from bsface.formats.glb import glb_bytes
 from bsface.rig.mesh import PARTS, quad_mesh
 from bsface.rig.names import ARKIT_NAMES
-from bsface.surface.template import load_template
-from fake_face import bare_reconstruction
+from fake_face import average_reconstruction
 
 SIZES = {5126: ("<f4", 4), 5125: ("<u4", 4), 5123: ("<u2", 2)}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
@@ -21,9 +19,7 @@ WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
 
 @pytest.fixture(scope="module")
 def mesh():
-    template = load_template()
-    return quad_mesh(replace(bare_reconstruction(), surface=template.surface,
-                             template=template), "low")  # fmt: skip
+    return quad_mesh(average_reconstruction(), "low")
 
 
 class Reader:
@@ -134,8 +130,7 @@ def test_texture_is_embedded_as_it_is(mesh, tmp_path):
 
 
 def test_export_by_ending_with_options(tmp_path):
-    template = load_template()
-    face = replace(bare_reconstruction(), surface=template.surface, template=template)
+    face = average_reconstruction()
     plain = formats.ExportOptions(density="low", keys=False, openings=False)
     path = formats.export(tmp_path / "face.glb", face, options=plain)
     file = Reader(path.read_bytes())

@@ -13,7 +13,7 @@ from bsface.errors import ReconstructionError
 from bsface.formats.solid import border_edges, solid, volume
 from bsface.surface.bspline import BSplineSurface
 from bsface.surface.template import load_template
-from fake_face import bare_reconstruction, ellipse_outline, face_surface
+from fake_face import average_reconstruction, ellipse_outline, face_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -87,8 +87,7 @@ def test_a_thickness_that_folds_the_inside_is_smoothed_or_refused():
 
 @pytest.fixture(scope="module")
 def face():
-    template = load_template()
-    return replace(bare_reconstruction(), surface=template.surface, template=template)
+    return average_reconstruction()
 
 
 def test_stl_and_3mf_hold_the_same_closed_solid(tmp_path, face):

@@ -85,9 +85,7 @@ def test_outliers_are_left_out_point_by_point():
     bad = rng.random(M.shape) < 0.02
     M = np.where(bad, 0.2 * M, M)
     chosen = photometric_svd(M, np.ones_like(M), n)
-    everything = photometric_svd(
-        M, np.ones_like(M), n, tolerance=np.inf, minimum_share=1.0
-    )
+    everything = photometric_svd(M, np.ones_like(M), n, tolerance=np.inf)
     assert angle(chosen.normals, n).mean() < 0.6 * angle(everything.normals, n).mean()
     assert chosen.chosen[bad].mean() < 0.2
     assert chosen.chosen[~bad].mean() > 0.8
@@ -151,7 +149,7 @@ def test_ambiguity_is_recovered():
 def test_choice_keeps_the_best_share():
     M = np.ones((10, 1))
     model = M - np.arange(10.0)[:, None]
-    chosen = choose_photos(M, model, np.ones((10, 1), bool), 0.1, 0.5)
+    chosen = choose_photos(M, model, np.ones((10, 1), bool), 0.1)
     assert list(np.flatnonzero(chosen)) == [0, 1, 2, 3, 4]
 
 

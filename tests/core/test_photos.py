@@ -2,8 +2,6 @@
 
 import base64
 import os
-import struct
-import zlib
 
 import cv2
 import numpy as np
@@ -16,7 +14,7 @@ from bsface.images.read import read_photo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from needs import needs_permissions
-from pictures_for_tests import encoded
+from pictures_for_tests import bomb, encoded, exif_turned
 
 # 40 x 32 pixels each, made once with Pillow; red is (200, 30, 30).
 CMYK_JPEG_PURE_RED = base64.b64decode(
@@ -51,23 +49,6 @@ def corners_picture(dtype=np.uint8) -> np.ndarray:
     image[:16, -16:] = (0, top, 0)
     image[-16:, :16] = (0, 0, top)
     return image
-
-
-def with_exif_orientation(jpeg: bytes, orientation: int) -> bytes:
-    tiff = b"MM\0*\0\0\0\x08" + struct.pack(">HHHIHHI", 1, 274, 3, 1, orientation, 0, 0)
-    body = b"Exif\0\0" + tiff
-    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body + jpeg[2:]
-
-
-def png_header(width: int, height: int, bits: int = 8, kind: int = 2) -> bytes:
-    def chunk(name: bytes, body: bytes) -> bytes:
-        crc = zlib.crc32(name + body)
-        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", crc)
-
-    ihdr = struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0)
-    idat = chunk(b"IDAT", zlib.compress(b"\0" * 1000))
-    start = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", ihdr)
-    return start + idat + chunk(b"IEND", b"")
 
 
 @pytest.fixture
@@ -142,7 +123,7 @@ TURNS = {
 def test_exif_orientation_is_applied(read, orientation):
     image = corners_picture()
     jpeg = encoded(".jpg", image, cv2.IMWRITE_JPEG_QUALITY, 100)
-    photo = read(with_exif_orientation(jpeg, orientation))
+    photo = read(exif_turned(jpeg, orientation))
     expected = TURNS[orientation](image)
     assert photo.pixels.shape == expected.shape
     assert photo.size == expected.shape[1::-1]
@@ -155,7 +136,7 @@ def test_large_photo_is_read_reduced_and_keeps_its_coordinates(read):
     limits = Limits(full_size_pixels=1000)
     image = np.zeros((161, 241, 3), np.uint8)
     image[96:112, 48:64] = 255  # centre (55.5, 103.5)
-    data = with_exif_orientation(encoded(".jpg", image), 1)
+    data = exif_turned(encoded(".jpg", image), 1)
     photo = read(data, limits=limits)
     assert photo.size == (241, 161)
     assert photo.window == (0.0, 0.0, 1 / 8)
@@ -163,7 +144,7 @@ def test_large_photo_is_read_reduced_and_keeps_its_coordinates(read):
     y, x = np.mgrid[: weight.shape[0], : weight.shape[1]]
     centre = np.array([(x * weight).sum(), (y * weight).sum()]) / weight.sum()
     np.testing.assert_allclose(photo.to_original(centre), (55.5, 103.5), atol=0.5)
-    turned = read(with_exif_orientation(encoded(".jpg", image), 6), limits=limits)
+    turned = read(exif_turned(encoded(".jpg", image), 6), limits=limits)
     assert turned.size == (161, 241)
 
 
@@ -195,9 +176,9 @@ def bad_files() -> dict[str, tuple[bytes, str, str]]:
         "short png": (png[: len(png) // 2], "unreadable", "cut short"),
         "head of a jpeg": (jpeg[:20], "unreadable", "not a picture"),
         "1 x 1": (encoded(".png", pixel), "unreadable", "1 x 1"),
-        "30000 x 30000": (png_header(30000, 30000), "too_large", "30000 x 30000"),
-        "16-bit bomb": (png_header(13000, 13000, 16, 6), "too_large", "13000"),
-        "no width": (png_header(0, 100), "unreadable", "0 x 100"),
+        "30000 x 30000": (bomb(30000, 30000), "too_large", "30000 x 30000"),
+        "16-bit bomb": (bomb(13000, 13000, 16, 6), "too_large", "13000"),
+        "no width": (bomb(0, 100), "unreadable", "0 x 100"),
         "gif": (GIF, "unreadable", "GIF"),
         "heic without content": (
             b"\0\0\0\x18ftypheic" + b"\0" * 50,

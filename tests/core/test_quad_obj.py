@@ -10,14 +10,12 @@ from bsface.drawing.pictures import write_png
 from bsface.formats.quad_obj import write_quads_obj
 from bsface.rig.head import full_head
 from bsface.rig.mesh import PARTS
-from bsface.surface.template import load_template
-from fake_face import bare_reconstruction
+from fake_face import average_reconstruction
 
 
 @pytest.fixture(scope="module")
 def face():
-    template = load_template()
-    return replace(bare_reconstruction(), surface=template.surface, template=template)
+    return average_reconstruction()
 
 
 def read(path):

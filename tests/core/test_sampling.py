@@ -8,7 +8,6 @@ from bsface.photometry.sampling import (
     DEPTH_MARGIN,
     IntensityField,
     occluded,
-    occlusion,
     smooth_photo,
     view_weights,
 )
@@ -146,6 +145,11 @@ def relief(height=40.0, width=16.0, shape=(24, 24)):
     x, y = 200 * (u - 0.5), 200 * (0.5 - v)
     z = height * np.exp(-(x * x + y * y) / (2 * width**2))
     return BSplineSurface(np.stack([x, y, z], -1))
+
+
+def occlusion(surface, camera, points):
+    """Which points the surface itself hides from a camera."""
+    return occluded(surface.grid(161, 161).reshape(-1, 3), camera, points)
 
 
 def elevation(surface, xy):

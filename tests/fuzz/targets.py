@@ -6,7 +6,9 @@ promised exception and one sentence. Anything else is a finding.
 
 from __future__ import annotations
 
+import atexit
 import json
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -100,7 +102,10 @@ def _loaded(load: Callable, refusal: type[Exception], *args):
 
 @lru_cache
 def _place() -> Path:
-    return Path(tempfile.mkdtemp(prefix="bsface-fuzz-"))
+    place = Path(tempfile.mkdtemp(prefix="bsface-fuzz-"))
+    # A process that dies leaves it, for tools/fuzz.py to name.
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+    return place
 
 
 def _file(name: str, data: bytes) -> Path:

@@ -266,8 +266,6 @@ def paper_steps(
     *,
     zeta: float = 1e-3,
     shading: ShadingParameters | None = None,
-    tolerance: float = 0.15,
-    ambiguity: str = "template",
     kept: Array | None = None,
 ) -> Steps:
     """The steps as the paper describes them.
@@ -286,12 +284,6 @@ def paper_steps(
         Of Eq. 8; see `warp`.
     shading : ShadingParameters, optional
         ``lambda`` and the frontal constraint of Eq. 6 and 7.
-    tolerance : float
-        Of the choice of photos at each point; see `photometric_svd`.
-    ambiguity : {"template", "current"}
-        Whose normals are ``S^t``: those of ``b_t`` as in section 2.2.1, or those of
-        ``b_0`` as in Algorithm 1, where each error of the normals becomes the next
-        reference.
     kept : (k, 2) array, optional
         Points that no photo tells of (eyes, mouth, the rim): like points of which
         fewer than four photos tell they keep the normal of ``b_t``, with the weight
@@ -302,10 +294,6 @@ def paper_steps(
     Steps
         To replace one of them: ``dataclasses.replace(steps, photometric=...)``.
     """
-    if ambiguity not in ("template", "current"):
-        raise ValueError(
-            f"ambiguity must be 'template' or 'current', got {ambiguity!r}"
-        )
     uv = np.asarray(uv, float)
     kept = np.zeros((0, 2)) if kept is None else np.asarray(kept, float)
     rows = NormalRows.at(shape, np.concatenate([uv, kept]))
@@ -314,12 +302,11 @@ def paper_steps(
         surface: BSplineSurface, template: BSplineSurface, cameras: Cameras
     ) -> NormalField:
         M, weights = sample(surface, cameras)
-        reference = template if ambiguity == "template" else surface
-        result = photometric_svd(
-            M, weights, reference.normals(*uv.T), tolerance=tolerance
-        )
-        known = result.chosen.sum(0) >= RANK
+        # S^t of b_t as in section 2.2.1, not of b_0 as in Algorithm 1, where each error
+        # of the normals becomes the next reference.
         own = template.normals(*uv.T)
+        result = photometric_svd(M, weights, own)
+        known = result.chosen.sum(0) >= RANK
         h = np.where(known[:, None], result.normals, own)
         return NormalField(
             np.concatenate([h, template.normals(*kept.T)]),

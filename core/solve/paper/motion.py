@@ -146,17 +146,5 @@ def warp(
     }
 
 
-def landmark_rms(
-    b: Array,
-    shape: tuple[int, int],
-    cameras: Sequence[Camera | PhotoFailure],
-    landmarks: LandmarkObservations,
-) -> float:
-    """Root mean square landmark residual of the surface ``b``, mm on the face."""
-    f, P, w = motion_vector(cameras, landmarks)
-    points = basis_matrix(shape, *landmarks.uv.T) @ b
-    return _rms(f - np.einsum("nia,fa->nfi", P, points), w)
-
-
 def _rms(residual: Array, weights: Array) -> float:
     return float(np.sqrt((weights * (residual**2).sum(2)).sum()))

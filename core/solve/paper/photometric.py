@@ -22,7 +22,7 @@ Readings of the text
   mean photo divided by the shading that the best single light gives the template.
 * Missing data is not mentioned, but an SVD needs a full matrix, and photos turned by 30
   degrees see half of the face.  So only points that nearly all photos see
-  (``common_share``) are factorised, the remaining holes get the mean of the photos
+  (`COMMON_SHARE`) are factorised, the remaining holes get the mean of the photos
   that see the point (after each photo is divided by its brightness), and step 2, with
   the lights so found, brings in all other points with the photos that do see them.
 
@@ -41,6 +41,11 @@ from ..._types import Array, Mask
 from ...errors import ReconstructionError
 
 RANK = 4
+#: At least this part of the photos that see a point is used, the best ones.
+MINIMUM_SHARE = 0.5
+#: Points that this part of the photos sees are factorised, but never less than the
+#: best-seen quarter of the points.
+COMMON_SHARE = 0.85
 G = np.diag([-1.0, 1.0, 1.0, 1.0])
 
 
@@ -81,8 +86,6 @@ def photometric_svd(
     template_normals: Array,
     *,
     tolerance: float = 0.15,
-    minimum_share: float = 0.5,
-    common_share: float = 0.85,
 ) -> SvdPhotometric:
     """Normals from the intensities of several photos.
 
@@ -98,11 +101,6 @@ def photometric_svd(
         A photo agrees with a point when ``|m - l s|`` is below this part of the point's
         mean intensity.  0.15 leaves out cast shadows and highlights and keeps skin
         that is not quite Lambertian.
-    minimum_share : float
-        At least this part of the photos that see a point is used, the best ones.
-    common_share : float
-        Points that this part of the photos sees are factorised, but never less than
-        the best-seen quarter of the points.  0 factorises all of them.
 
     Returns
     -------
@@ -134,7 +132,7 @@ def photometric_svd(
         )
     filled = fill_missing(M, seen)
     share = seen.mean(0)
-    common = share >= min(common_share, float(np.quantile(share, 0.75)))
+    common = share >= min(COMMON_SHARE, float(np.quantile(share, 0.75)))
     trusted = np.asarray(seen.sum(0) >= RANK)
     U, D, Vt = np.linalg.svd(filled[:, common], full_matrices=False)
     root = np.sqrt(D[:RANK])
@@ -144,7 +142,7 @@ def photometric_svd(
     # A changes the basis of S and its inverse that of L: L~ S~ = (L~ A^-1) (A S~).
     L: Array = np.asarray(np.linalg.lstsq(A0.T, L0.T, rcond=None)[0].T, float)
     S = constrained_shape(filled, L, seen, St)
-    chosen = choose_photos(filled, L @ S, seen, tolerance, minimum_share)
+    chosen = choose_photos(filled, L @ S, seen, tolerance)
     S = constrained_shape(filled, L, chosen, S)
     if trusted.any():
         A1 = fit_ambiguity(S[:, trusted], St[:, trusted])
@@ -221,17 +219,16 @@ def choose_photos(
     model: Array,
     seen: Mask,
     tolerance: float,
-    minimum_share: float,
 ) -> Mask:
     """Which photos agree with the rank-4 model at each point, (n, p).
 
     Photos beyond ``tolerance`` (relative to the point's mean) are left out, but never
-    below the best ``minimum_share`` of those that see the point.
+    below the best `MINIMUM_SHARE` of those that see the point.
     """
     error = np.where(seen, np.abs(M - model), np.inf)
     limit = tolerance * np.abs(M.mean(0))
     count = seen.sum(0)
-    keep = np.clip(np.ceil(minimum_share * count), np.minimum(RANK, count), None)
+    keep = np.clip(np.ceil(MINIMUM_SHARE * count), np.minimum(RANK, count), None)
     rank = np.argsort(np.argsort(error, axis=0, kind="stable"), axis=0)
     return seen & ((error <= limit) | (rank < keep))
 
