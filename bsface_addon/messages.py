@@ -104,6 +104,7 @@ LINKED = (
     "Local > Selected Objects and Data)"
 )
 NO_FILE_NAME = "{path!r} is a folder; give the file to write a name"
+UNKNOWN_ENDING = "{path}: unknown ending; choose one of {kinds}"
 NO_SIZE = "{name} is scaled to nothing; clear its scale (Alt S)"
 NO_NUMBERS = (
     "{name} has control points that are no finite numbers, or all at one place; undo, "

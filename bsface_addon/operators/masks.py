@@ -20,7 +20,7 @@ from .. import (
     skin_pictures,
 )
 from ..skin_pictures import PhotoToPaint
-from .photos import RowOperator, original_of, ready
+from .photos import RowOperator, ready
 from .refusals import refusals_reported
 from .running import LongOperator
 from .views import ViewOperator
@@ -184,7 +184,7 @@ class BSFACE_OT_mask_save(PaintedOperator, bpy.types.Operator):
     def execute(self, context):
         rows = self.rows(context)
         for row in rows:
-            path = original_of(row).with_suffix(ENDING)
+            path = photo_list.original(row).with_suffix(ENDING)
             write_bytes(
                 path, skin_pictures.turned_back(photo_list.mask(row), row.quarters)
             )
