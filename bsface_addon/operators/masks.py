@@ -26,6 +26,14 @@ from .running import LongOperator
 from .views import ViewOperator
 
 
+def on_this_stage(cls, context, obj):
+    """Shared poll: what is being edited is in this scene, or nothing is."""
+    elsewhere = photo_stage.elsewhere(context, obj)
+    if elsewhere:
+        cls.poll_message_set(messages.STAGE_ELSEWHERE.format(name=elsewhere))
+    return not elsewhere
+
+
 class BSFACE_OT_skin_show(ViewOperator, bpy.types.Operator):
     """Tint the photo where it does not count as skin of the face"""
 
@@ -90,10 +98,11 @@ class MaskOperator:
 
     @classmethod
     def poll(cls, context):
-        if mask_editor.editor() is None:
+        obj = mask_editor.editor()
+        if obj is None:
             cls.poll_message_set(messages.NO_MASK_EDITOR)
             return False
-        return True
+        return on_this_stage(cls, context, obj)
 
 
 class BSFACE_OT_mask_brush(MaskOperator, bpy.types.Operator):
