@@ -84,7 +84,11 @@ NO_PICTURE = (
 NO_MAP_SHOWN = "No picture is shown on the surface; choose one under Texture"
 NO_EXPRESSION = "No ticked photo has the expression {name!r}; set it in the photo list"
 LONG_WORD = "A shape key cannot have the name {name!r}; use a shorter word"
-KEYS = "{count} shape keys were added"
+RESERVED_WORD = "BSface needs the name {name!r} itself; use another word"
+KEY_IS_THERE = (
+    "The shape key {name!r} was not made from photos; rename or remove it, or use "
+    "another word"
+)
 KEY = "Shape key {name} made"
 WROTE = "Wrote {path}"
 COPIED = "The information is in the clipboard; paste it into your report"
@@ -190,6 +194,14 @@ def added(count: int, given: int) -> str:
 def masks_saved(count: int) -> str:
     """The sentence after saving masks."""
     return f"{plural(count, 'mask')} written beside the photos"
+
+
+def keys_added(count: int, kept: int) -> str:
+    """The sentence after adding shape keys."""
+    sentence = f"{plural(count, 'shape key')} added"
+    if kept:
+        sentence += f"; {kept} that you made or changed stay as they are"
+    return sentence
 
 
 def done(face, reports):
