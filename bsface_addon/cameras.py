@@ -26,9 +26,11 @@ SENSOR_MM = 36.0
 SIZE_KEY = "bsface_photo_size"
 # What was measured as skin in its photo, see `skin_pictures.measured`.
 SKIN_KEY = "bsface_skin"
-# What comes back when one leaves the cameras: on the scene its own camera and frame, on
-# the window manager how the views looked.  JSON texts.
+# What comes back when one leaves the cameras: on the scene its own frame as JSON text
+# and its camera as a pointer, which outlives a new name, on the window manager how the
+# views looked, JSON too.
 FRAME_BEFORE = "bsface_frame_before"
+CAMERA_BEFORE = "bsface_camera_before"
 VIEWS_BEFORE = "bsface_views_before"
 
 
@@ -187,30 +189,59 @@ def look_through(context, camera, switch_views=True):
     face = rig.face_of(camera)
     shown = face is not None and are_shown(context, face)
     first = scene.camera is None or PHOTO_KEY not in scene.camera
-    if first:
-        scene[FRAME_BEFORE] = json.dumps(frame(context))
-    render.resolution_x, render.resolution_y = camera[SIZE_KEY]
+    size = [int(side) for side in camera[SIZE_KEY]]
+    if PHOTO_KEY in camera:  # what a stage has changed, it keeps itself
+        _remember_frame(context, first, size)
+    render.resolution_x, render.resolution_y = size
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     scene.camera = camera
     if face is not None:
         set_shown(context, face, shown)
     if switch_views:
         _remember_views(context, first)
-        for region in views(context):
-            region.view_perspective = "CAMERA"
+        for space in spaces(context):
+            space.region_3d.view_perspective = "CAMERA"
+            if _has_own_camera(space):
+                space.camera = camera
 
 
 def leave_views(context):
     """Views, camera and frame as they were before `look_through`."""
     _restore_views(context)
     scene = context.scene
-    camera = scene.camera
+    camera, then = scene.camera, json.loads(scene.get(FRAME_BEFORE, "{}"))
     if camera is not None and PHOTO_KEY in camera:
         face = rig.face_of(camera)
         if face is not None:
             camera.hide_viewport = not are_shown(context, face)
-        set_frame(context, json.loads(scene.get(FRAME_BEFORE, "{}")))
-    scene.pop(FRAME_BEFORE, None)
+        set_frame(context, then, scene.get(CAMERA_BEFORE))
+    elif _is_still_framed(scene, then):
+        # The user has taken another camera, or deleted that of the photo.
+        set_frame(context, then, camera or scene.get(CAMERA_BEFORE))
+    for key in (FRAME_BEFORE, CAMERA_BEFORE):
+        scene.pop(key, None)
+
+
+def _remember_frame(context, first, size):
+    """Keep the user's camera and frame, not those of a photo."""
+    scene = context.scene
+    known = json.loads(scene.get(FRAME_BEFORE, "{}"))
+    if first:
+        now = frame(context)
+        if _is_still_framed(scene, known):
+            now |= {name: known[name] for name in ("resolution", "aspect")}
+        known = now
+        scene.pop(CAMERA_BEFORE, None)
+        if scene.camera is not None:
+            scene[CAMERA_BEFORE] = scene.camera
+    if known:
+        scene[FRAME_BEFORE] = json.dumps(known | {"shown": size})
+
+
+def _is_still_framed(scene, then):
+    """Whether the frame is that of the photo that was looked at."""
+    now = [scene.render.resolution_x, scene.render.resolution_y]
+    return then.get("shown") == now
 
 
 def follow_undo(context):
@@ -226,9 +257,11 @@ def follow_undo(context):
 
 def _restore_views(context):
     before = _views_before(context)
-    for region, then in zip(views(context), before, strict=True):
-        if region.view_perspective == "CAMERA":
-            set_view(region, then)
+    for space, then in zip(spaces(context), before, strict=True):
+        if space.region_3d.view_perspective == "CAMERA":
+            set_view(space, then)
+        else:
+            _set_own_camera(space, then)
     context.window_manager.pop(VIEWS_BEFORE, None)
 
 
@@ -242,19 +275,26 @@ def frame(context):
     }
 
 
-def set_frame(context, then):
-    """Give the scene the camera and the frame of `frame`; nothing where it is empty."""
+def set_frame(context, then, camera=None):
+    """Give the scene the frame of `frame`, and a camera; nothing where it is empty.
+
+    Without the camera, or where it was deleted, the one of the name of then.
+    """
     if not then:
         return
     scene, render = context.scene, context.scene.render
-    scene.camera = scene.objects.get(then["camera"])
+    there = camera is not None and camera.users_scene
+    scene.camera = camera if there else scene.objects.get(then["camera"])
     render.resolution_x, render.resolution_y = then["resolution"]
     render.pixel_aspect_x, render.pixel_aspect_y = then["aspect"]
 
 
-def view_state(region):
+def view_state(space):
     """Where a view looks from, as plain values; a camera view hides it."""
+    region = space.region_3d
+    own = _has_own_camera(space) and space.camera is not None
     return {
+        "camera": space.camera.name if own else "",
         "view_perspective": region.view_perspective,
         "view_location": list(region.view_location),
         "view_rotation": list(region.view_rotation),
@@ -262,15 +302,31 @@ def view_state(region):
     }
 
 
-def set_view(region, then):
+def set_view(space, then):
     """Let a view look from where `view_state` was taken."""
     for name, value in then.items():
-        setattr(region, name, value)
+        if name != "camera":
+            setattr(space.region_3d, name, value)
+    _set_own_camera(space, then)
+
+
+def _set_own_camera(space, then):
+    if "camera" in then and _has_own_camera(space):
+        scene = bpy.context.scene
+        now = scene.camera
+        space.camera = bpy.data.objects.get(then["camera"])
+        # Blender gives the scene the camera of a view that follows the scene's.
+        scene.camera = now
+
+
+def _has_own_camera(space):
+    """Whether a view does not follow the scene's camera: also one of a few objects."""
+    return space.use_local_camera or space.local_view is not None
 
 
 def _views_before(context):
     """One state a view; one of which nothing is known looks freely from its place."""
-    found = list(views(context))
+    found = list(spaces(context))
     stored = json.loads(context.window_manager.get(VIEWS_BEFORE, "[]"))
     if len(stored) != len(found):
         stored = [None] * len(found)
@@ -280,8 +336,10 @@ def _views_before(context):
 def _remember_views(context, first):
     """Keep how the views look; of those behind a photo's camera, how they looked."""
     states = [
-        view_state(region) if first or region.view_perspective != "CAMERA" else then
-        for region, then in zip(views(context), _views_before(context), strict=True)
+        view_state(space)
+        if first or space.region_3d.view_perspective != "CAMERA"
+        else then
+        for space, then in zip(spaces(context), _views_before(context), strict=True)
     ]
     context.window_manager[VIEWS_BEFORE] = json.dumps(states)
 
@@ -315,7 +373,13 @@ def redraw(context: bpy.types.Context, kind: str) -> None:
                 region.tag_redraw()
 
 
+def spaces(context):
+    """All 3D views."""
+    for area in view_areas.in_all_windows(context):
+        yield area.spaces.active
+
+
 def views(context):
     """Region data of all 3D views."""
-    for area in view_areas.in_all_windows(context):
-        yield area.spaces.active.region_3d
+    for space in spaces(context):
+        yield space.region_3d

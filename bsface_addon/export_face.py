@@ -9,11 +9,13 @@ import cv2
 import numpy as np
 
 from ..core.drawing.pictures import encode_png
+from ..core.errors import ReconstructionError
 from ..core.files import temporary_folder, write_bytes
-from ..core.formats import ending, export, textured_quads
+from ..core.formats import WRITERS, ending, export, textured_quads
 from ..core.formats.mtl import read_texture
 from ..core.formats.options import ExportOptions
-from . import fbx_file
+from ..core.report.outputs import check_inputs, files_of
+from . import fbx_file, messages
 from .face_file import StoredFace
 
 
@@ -33,6 +35,8 @@ class FileToWrite:
         See `fbx_file.program`; for FBX files.
     detail : bytes
         The same of the normal map.
+    photos, read : tuple of Path
+        Photos, and other files that are read; none of them is written over.
     """
 
     path: Path
@@ -41,6 +45,8 @@ class FileToWrite:
     picture: bytes = b""
     blender: tuple[str, ...] = ()
     detail: bytes = b""
+    photos: tuple[Path, ...] = ()
+    read: tuple[Path, ...] = ()
 
 
 def with_ending(path: str, kind: str) -> str:
@@ -51,7 +57,21 @@ def with_ending(path: str, kind: str) -> str:
 
 
 def write(wanted: FileToWrite) -> Path:
-    """Write the file."""
+    """Write the file.
+
+    Raises
+    ------
+    ReconstructionError
+        It cannot be written, or is read itself.
+    """
+    if wanted.face is not None and not _ending(str(wanted.path)):
+        kinds = ", ".join([".npz", *WRITERS, fbx_file.ENDING])
+        text = messages.UNKNOWN_ENDING.format(path=wanted.path, kinds=kinds)
+        raise ReconstructionError(text)
+    try:
+        check_inputs(files_of(wanted.path), photos=wanted.photos, read=wanted.read)
+    except ValueError as error:
+        raise ReconstructionError(str(error)) from None
     if wanted.face is None:
         return write_map(wanted.path, wanted.picture)
     with temporary_folder() as folder:

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 
 from ..core.errors import ReconstructionError
-from . import messages, scene
+from . import messages, photo_list, scene
 from .stored_facts import PHOTOS
 
 
@@ -25,6 +25,13 @@ def files(face: bpy.types.Object) -> tuple[Path, ...]:
     if not found:
         raise ReconstructionError(messages.NO_SUCH_FILES.format(name=face.name))
     return found
+
+
+def all_files(face: bpy.types.Object) -> tuple[Path, ...]:
+    """Photos that nothing may be written over: of the face, and of all lists."""
+    rows = [row for one in bpy.data.scenes for row in one.bsface.photos]
+    listed = [path for row in rows for path in photo_list.files(row)]
+    return tuple(dict.fromkeys([*_named(face), *listed]))
 
 
 def owner(

@@ -99,7 +99,7 @@ def edited(obj):
         raise ValueError(f"{len(obj.data.vertices)} points instead of {len(start)}")
     plane = np.empty(3 * len(start), np.float32)
     obj.data.vertices.foreach_get("co", plane)
-    size = np.array(photo_stage.camera(obj)[cameras.SIZE_KEY])
+    size = np.array(obj[cameras.SIZE_KEY])
     points = to_pixels(plane.reshape(-1, 3)[:, :2].astype(float), size)
     moved = np.linalg.norm(points - start, axis=1) > MOVED_PX
     return (

@@ -73,7 +73,11 @@ def open_editor(context: bpy.types.Context, canvas: Canvas) -> bpy.types.Object:
 
 def choose(context: bpy.types.Context, kind: str) -> None:
     """Paint with the brush of a kind, a key of `BRUSHES`; Ctrl paints the opposite."""
-    brush = next(b for b in bpy.data.brushes if b.get(KIND) == kind)
+    found = {brush.get(KIND): brush for brush in bpy.data.brushes}
+    if kind not in found:  # undo took them away
+        _make_brushes()
+        found = {brush.get(KIND): brush for brush in bpy.data.brushes}
+    brush = found[kind]
     bpy.ops.brush.asset_activate(
         asset_library_type="LOCAL",
         asset_library_identifier="",
@@ -110,8 +114,10 @@ def close_editor(context: bpy.types.Context, obj: bpy.types.Object) -> None:
     images = [n.image for n in _nodes(obj) if n.type == "TEX_IMAGE"]
     then = json.loads(obj[SETTINGS])
     brush = json.loads(obj["bsface_brush_before"])
-    with contextlib.suppress(RuntimeError):  # that asset is not there any more
-        bpy.ops.brush.asset_activate(**brush)
+    # Blender crashes where the scene does not paint; the asset may be gone too.
+    if context.mode == "PAINT_TEXTURE":
+        with contextlib.suppress(RuntimeError):
+            bpy.ops.brush.asset_activate(**brush)
     photo_stage.close_stage(context, obj)
     bpy.data.batch_remove([b for b in bpy.data.brushes if KIND in b])
     for name in VIEW_SETTINGS:

@@ -62,6 +62,7 @@ NO_MASK_EDITOR = "Press Paint Mask first"
 NO_MASKS = "No mask is painted yet; press Paint Mask"
 NO_SKIN = "{name} knows no skin masks; reconstruct it again"
 STAGE_OPEN = "Press Done first: a photo is being edited"
+STAGE_ELSEWHERE = "Go back to the scene {name} first: a photo is being edited there"
 MASKED = "The mask of {name} counts in the next run"
 BAD_EDIT = "The landmarks hold {why}; undo until all points are back"
 FOUND = "Faces found in {found} of {photos}"
@@ -83,7 +84,11 @@ NO_PICTURE = (
 NO_MAP_SHOWN = "No picture is shown on the surface; choose one under Texture"
 NO_EXPRESSION = "No ticked photo has the expression {name!r}; set it in the photo list"
 LONG_WORD = "A shape key cannot have the name {name!r}; use a shorter word"
-KEYS = "{count} shape keys were added"
+RESERVED_WORD = "BSface needs the name {name!r} itself; use another word"
+KEY_IS_THERE = (
+    "The shape key {name!r} was not made from photos; rename or remove it, or use "
+    "another word"
+)
 KEY = "Shape key {name} made"
 WROTE = "Wrote {path}"
 COPIED = "The information is in the clipboard; paste it into your report"
@@ -104,6 +109,7 @@ LINKED = (
     "Local > Selected Objects and Data)"
 )
 NO_FILE_NAME = "{path!r} is a folder; give the file to write a name"
+UNKNOWN_ENDING = "{path}: unknown ending; choose one of {kinds}"
 NO_SIZE = "{name} is scaled to nothing; clear its scale (Alt S)"
 NO_NUMBERS = (
     "{name} has control points that are no finite numbers, or all at one place; undo, "
@@ -188,6 +194,14 @@ def added(count: int, given: int) -> str:
 def masks_saved(count: int) -> str:
     """The sentence after saving masks."""
     return f"{plural(count, 'mask')} written beside the photos"
+
+
+def keys_added(count: int, kept: int) -> str:
+    """The sentence after adding shape keys."""
+    sentence = f"{plural(count, 'shape key')} added"
+    if kept:
+        sentence += f"; {kept} that you made or changed stay as they are"
+    return sentence
 
 
 def done(face, reports):

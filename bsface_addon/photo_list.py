@@ -105,6 +105,17 @@ def absolute(row):
     return Path(bpy.path.abspath(row.path))
 
 
+def original(row):
+    """The file that the row's photo is, or was before it was turned."""
+    turned_from = bpy.path.abspath(row.original) if row.original else ""
+    return Path(turned_from or absolute(row))
+
+
+def files(row):
+    """The row's file, and the one that it was turned from."""
+    return dict.fromkeys((absolute(row), original(row)))
+
+
 def paths(state):
     """Files of all rows, in the list's order."""
     return tuple(absolute(row) for row in state.photos)

@@ -12,19 +12,36 @@ import bpy
 
 from . import cameras
 
+# On the object that is worked on: what of the scene comes back, as JSON text; and
+# pointers, which outlive a new name, to its scene, to the stage's camera and
+# collection, and to the scene's camera and active object of before.
 BEFORE = "bsface_before"
+SCENE = "bsface_stage_scene"
+CAMERA = "bsface_stage_camera"
+COLLECTION = "bsface_stage_collection"
+CAMERA_BEFORE = "bsface_camera_before"
+ACTIVE_BEFORE = "bsface_active_before"
+# On the scene: the object that is worked on.
+OBJECT = "bsface_stage_object"
 PLACE = (0.0, 0.0, 100.0)
 
 
 def is_open() -> bool:
     """Whether a photo is being worked on."""
-    return any(BEFORE in obj for obj in bpy.data.objects)
+    return any(BEFORE in obj and not is_copy(obj) for obj in bpy.data.objects)
+
+
+def is_copy(obj: bpy.types.Object) -> bool:
+    """Whether the user has made it by duplicating the object that is worked on."""
+    home = obj.get(SCENE)
+    original = None if home is None else home.get(OBJECT)
+    return original is not None and original != obj
 
 
 def mesh_with(key: str) -> bpy.types.Object | None:
     """The mesh that has a property of this name, as an editor's has; or None."""
     for obj in bpy.data.objects:
-        if obj.type == "MESH" and key in obj:
+        if obj.type == "MESH" and key in obj and not is_copy(obj):
             return obj
     return None
 
@@ -58,54 +75,87 @@ def open_stage(
     camera.location = (PLACE[0], PLACE[1], PLACE[2] + 1)
     camera[cameras.SIZE_KEY] = [int(size[0]), int(size[1])]
     obj[BEFORE] = json.dumps(_view(context))
+    obj[SCENE], obj[CAMERA], obj[COLLECTION] = context.scene, camera, collection
+    obj[cameras.SIZE_KEY], context.scene[OBJECT] = camera[cameras.SIZE_KEY], obj
+    for key, block in (
+        (CAMERA_BEFORE, context.scene.camera),
+        (ACTIVE_BEFORE, context.view_layer.objects.active),
+    ):
+        if block is not None:
+            obj[key] = block
     cameras.look_through(context, camera)
     context.view_layer.update()
+    for space in cameras.spaces(context):
+        if space.local_view is not None:  # it shows only what it was opened with
+            for part in (obj, camera):
+                part.local_view_set(space, True)
     for other in context.view_layer.objects:
         other.select_set(other == obj)
     context.view_layer.objects.active = obj
     return camera
 
 
+def elsewhere(context: bpy.types.Context, obj: bpy.types.Object | None) -> str:
+    """Name of the scene whose stage an object is on, if that is another one than this.
+
+    Empty for an object of this scene, for none, and where the scene was deleted.
+    """
+    home = None if obj is None else obj.get(SCENE)
+    return home.name if home is not None and home != context.scene else ""
+
+
 def close_stage(context: bpy.types.Context, obj: bpy.types.Object) -> None:
-    """Remove the stage's objects and look at the scene as before."""
+    """Remove what the stage is made of and look at the scene as before.
+
+    What the user has put there, copies included, stays.
+    """
     if context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
-    before = json.loads(obj[BEFORE])
-    collection = obj.users_collection[0]
-    objects = list(collection.objects)
-    data = [other.data for other in objects]
+    before, camera = json.loads(obj[BEFORE]), obj.get(CAMERA)
+    home = obj.get(SCENE, context.scene)  # none where it was deleted
+    owned = [obj.get(CAMERA_BEFORE), obj.get(ACTIVE_BEFORE)]
+    collection = obj.get(COLLECTION)
+    objects = [one for one in (obj, camera) if one is not None]
+    data = [one.data for one in objects]
     images = [
         slot.image
-        for camera in data
-        if isinstance(camera, bpy.types.Camera)
-        for slot in camera.background_images
+        for block in data
+        if isinstance(block, bpy.types.Camera)
+        for slot in block.background_images
     ]
-    bpy.data.batch_remove([*objects, collection])
+    for other in bpy.data.objects:
+        if other != obj and BEFORE in other:
+            _let_go(other)
+    bpy.data.batch_remove(objects)
+    if collection is not None and not (collection.objects or collection.children):
+        bpy.data.collections.remove(collection)
     bpy.data.batch_remove([d for d in data if d.users == 0])
     bpy.data.batch_remove([i for i in images if i is not None and i.users == 0])
-    _restore(context, before)
+    if home is not None:
+        home.pop(OBJECT, None)
+        _restore(context, before, *owned)
 
 
-def camera(obj: bpy.types.Object) -> bpy.types.Object:
-    """The camera of the stage that an object is on."""
-    return next(o for o in obj.users_collection[0].objects if o.type == "CAMERA")
+def _let_go(copy: bpy.types.Object) -> None:
+    """Make a copy of the object that is worked on an object like any other."""
+    for key in list(copy.keys()):
+        if key.startswith("bsface_"):
+            del copy[key]
 
 
 def _view(context):
-    active = context.view_layer.objects.active
     return {
         "frame": cameras.frame(context),
-        "active": active.name if active else "",
-        "views": [cameras.view_state(view) for view in cameras.views(context)],
+        "views": [cameras.view_state(view) for view in cameras.spaces(context)],
     }
 
 
-def _restore(context, before):
-    cameras.set_frame(context, before["frame"])
+def _restore(context, before, camera, active):
+    cameras.set_frame(context, before["frame"], camera)
     context.view_layer.update()
-    active = context.view_layer.objects.get(before["active"])
-    context.view_layer.objects.active = active
-    if active is not None:
-        active.select_set(True)
-    for view, then in zip(cameras.views(context), before["views"], strict=False):
+    layer = context.view_layer.objects
+    layer.active = active if active in layer.values() else None
+    if layer.active is not None:
+        layer.active.select_set(True)
+    for view, then in zip(cameras.spaces(context), before["views"], strict=False):
         cameras.set_view(view, then)

@@ -90,10 +90,8 @@ def write(
 ) -> None:
     """Give ``obj`` new control points.
 
-    With the same numbers of control points the coordinates are overwritten in
-    place (modifiers, materials and animation stay, shape keys move along);
-    otherwise the object gets new curve data with the old materials and resolution,
-    and its shape keys go; `shape_keys.write` keeps them.
+    Modifiers, materials and animation stay. With the same numbers of control points
+    shape keys move along, otherwise they go; `shape_keys.write` keeps them.
 
     Parameters
     ----------
@@ -104,8 +102,35 @@ def write(
     if not is_surface(obj):
         raise ValueError(f"{obj.name} is not a bicubic NURBS surface")
     if shape(obj) != points.shape[:2]:
-        _replace_data(context, obj, points.shape[0], points.shape[1])
+        if obj.data.shape_keys is not None:
+            obj.shape_key_clear()
+        resize(context, obj, points.shape[:2])
     _store(obj, points)
+
+
+def resize(
+    context: bpy.types.Context, obj: bpy.types.Object, count: tuple[int, int]
+) -> None:
+    """Give the net of ``obj`` other numbers of control points, in its own data.
+
+    What else there is of the data stays: shape keys with their animation, other
+    objects and drivers that use it.  Where the points lie is not said; who calls this
+    writes all of them, those of the keys too.
+
+    Parameters
+    ----------
+    count : (int, int)
+        M and N.
+    """
+    curve = obj.data
+    if curve.is_editmode:
+        raise ValueError(f"leave edit mode of {obj.name} first")
+    steps = curve.resolution_u, curve.resolution_v
+    with object_mode(context):
+        # Where Blender cannot make the patch, the face keeps the one it has.
+        bpy.data.curves.remove(_grid(context, curve.name, *count))
+        _make_patch(context, curve, *count)
+    curve.resolution_u, curve.resolution_v = steps
 
 
 def read(obj: bpy.types.Object, key: str | None = None) -> Array:
@@ -247,37 +272,54 @@ def _grid(
 ) -> bpy.types.Curve:
     """SURFACE curve data with ``count_u`` x ``count_v`` points.
 
-    Blender has no call for this.  ``make_segment`` joins selected rows into a
-    patch; it orders them by geometry, hence rows on a regular dummy grid.
     Must run in object mode with nothing selected.
     """
     curve = bpy.data.curves.new(name, "SURFACE")
-    maker = bpy.data.objects.new(name, curve)
+    try:
+        _make_patch(context, curve, count_u, count_v)
+    except BaseException:
+        bpy.data.curves.remove(curve)
+        raise
+    curve.resolution_u = curve.resolution_v = RESOLUTION
+    return curve
+
+
+def _make_patch(
+    context: bpy.types.Context, curve: bpy.types.Curve, count_u: int, count_v: int
+) -> None:
+    """Put one patch of ``count_u`` x ``count_v`` points in place of all splines.
+
+    Blender has no call for this.  ``make_segment`` joins selected rows into a
+    patch; it orders them by geometry, hence rows on a regular dummy grid.  In edit
+    mode, so that shape keys get as many points too.
+    Must run in object mode with nothing selected.
+    """
+    maker = bpy.data.objects.new(curve.name, curve)
     context.scene.collection.objects.link(maker)
     try:
-        for row in range(count_u):
-            spline = curve.splines.new("NURBS")
-            spline.points.add(count_v - 1)
-            line = np.ones((count_v, 4), np.float32)
-            line[:, 0], line[:, 1], line[:, 2] = row, np.arange(count_v), 0.0
-            spline.points.foreach_set("co", line.ravel())
-        context.view_layer.objects.active = maker
-        maker.select_set(True)
-        bpy.ops.object.mode_set(mode="EDIT")
-        bpy.ops.curve.select_all(action="SELECT")
-        bpy.ops.curve.make_segment()
-        bpy.ops.object.mode_set(mode="OBJECT")
+        # A view that does not show surfaces would keep the operators from them.
+        with bpy.context.temp_override(area=None, region=None):
+            context.view_layer.objects.active = maker
+            maker.select_set(True)
+            bpy.ops.object.mode_set(mode="EDIT")
+            curve.splines.clear()
+            for row in range(count_u):
+                spline = curve.splines.new("NURBS")
+                spline.points.add(count_v - 1)
+                line = np.ones((count_v, 4), np.float32)
+                line[:, 0], line[:, 1], line[:, 2] = row, np.arange(count_v), 0.0
+                spline.points.foreach_set("co", line.ravel())
+            bpy.ops.curve.select_all(action="SELECT")
+            bpy.ops.curve.make_segment()
+            bpy.ops.object.mode_set(mode="OBJECT")
         spline = curve.splines[0]
         made = (len(curve.splines), spline.point_count_u, spline.point_count_v)
         if made != (1, count_u, count_v):
             raise RuntimeError(
                 f"Blender made {made} instead of one {count_u} x {count_v} patch"
             )
-    except BaseException:
+    finally:
         bpy.data.objects.remove(maker)
-        bpy.data.curves.remove(curve)
-        raise
-    bpy.data.objects.remove(maker)
     spline.order_u = spline.order_v = ORDER
     for flag in ("endpoint", "cyclic", "bezier"):
         setattr(spline, f"use_{flag}_u", False)
@@ -285,22 +327,6 @@ def _grid(
     spline.use_smooth = True
     # Making the patch left its points selected, and Refit asks what the artist chose.
     spline.points.foreach_set("select", np.zeros(count_u * count_v, bool))
-    curve.resolution_u = curve.resolution_v = RESOLUTION
-    return curve
-
-
-def _replace_data(context, obj, count_u, count_v):
-    old = obj.data
-    with object_mode(context):
-        new = _grid(context, old.name, count_u, count_v)
-    for material in old.materials:
-        new.materials.append(material)
-    new.resolution_u, new.resolution_v = old.resolution_u, old.resolution_v
-    name = old.name
-    obj.data = new
-    if old.users == 0:
-        bpy.data.curves.remove(old)
-        new.name = name
 
 
 def _store(obj: bpy.types.Object, points: Array) -> None:

@@ -106,13 +106,18 @@ def export(options):
     from ..core.errors import ReconstructionError
     from ..core.formats import export as write
     from ..core.formats.options import ExportOptions
-    from . import export_face, face_file, fbx_file, material, scene
+    from ..core.report.outputs import check_inputs, files_of
+    from . import export_face, face_file, face_photos, fbx_file, material, scene
 
     path, target = _existing(options.file), Path(options.out)
     trimmed = not options.untrimmed
     if path.suffix.lower() == ".npz":
         from ..core.formats import load_face
 
+        try:
+            check_inputs(files_of(target), read=[path])
+        except ValueError as error:
+            raise ReconstructionError(str(error)) from None
         face = load_face(path)
         written = write(target, face, trimmed=trimmed, tolerance=options.tolerance)
         return _wrote(written)
@@ -132,6 +137,8 @@ def export(options):
         picture=material.packed_map(found[name], "SKIN"),
         blender=fbx_file.program(bpy.app.binary_path),
         detail=material.packed_map(found[name], material.DETAIL),
+        photos=face_photos.all_files(found[name]),
+        read=(path,),
     )
     return _wrote(export_face.write(wanted))
 

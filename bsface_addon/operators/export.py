@@ -11,7 +11,15 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...core.errors import ReconstructionError
 from ...core.formats.options import ExportOptions
-from .. import export_face, face_file, fbx_file, material, messages, scene
+from .. import (
+    export_face,
+    face_file,
+    face_photos,
+    fbx_file,
+    material,
+    messages,
+    scene,
+)
 from ..export_face import FileToWrite
 from .mesh import DENSITY, KEYS, OPENINGS
 from .running import LongOperator
@@ -155,6 +163,7 @@ class BSFACE_OT_export(FileOperator, bpy.types.Operator):
             picture=material.packed_map(face, "SKIN") if self.texture else b"",
             blender=fbx_file.program(bpy.app.binary_path),
             detail=material.packed_map(face, material.DETAIL) if self.texture else b"",
+            photos=face_photos.all_files(face),
         )
 
 
@@ -175,8 +184,12 @@ class BSFACE_OT_texture_save(FileOperator, bpy.types.Operator):
         picture = material.packed_map(face, material.shown(face))
         if not picture:
             raise ReconstructionError(messages.NO_MAP_SHOWN)
-        path = Path(self.chosen_path()).with_suffix(".png")
-        return FileToWrite(path, None, ExportOptions(), picture)
+        path = Path(self.chosen_path())
+        if path.suffix.lower() != ".png":
+            # Ann.v2 is a whole name.
+            path = path.with_name(f"{path.name}.png")
+        photos = face_photos.all_files(face)
+        return FileToWrite(path, None, ExportOptions(), picture, photos=photos)
 
 
 CLASSES = (BSFACE_OT_export, BSFACE_OT_texture_save)

@@ -9,7 +9,9 @@ from ...core.errors import ReconstructionError
 from .. import (
     face_file,
     face_photos,
+    made_keys,
     messages,
+    photo_expression,
     photo_list,
     request,
     scene,
@@ -93,6 +95,7 @@ class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operato
         if len(self.expression.encode()) > NAME_BYTES:
             raise ReconstructionError(messages.LONG_WORD.format(name=self.expression))
         face = scene.active_face(context)
+        made_keys.check_word(face, self.expression)
         owner = face_photos.owner(context, face, map(photo_list.absolute, rows))
         if owner != face:
             text = messages.OF_ANOTHER.format(owner=owner.name, name=face.name)
@@ -123,12 +126,17 @@ class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operato
         moved = expression_of(outcome.result.surface, request.start, load_template())
         with scene.all_or_nothing(context):
             scene.leave_edit_mode(context)
+            photo_expression.hide(face)
+            made_keys.check_word(face, self.expression)
             # On the basis as it is now: the net may have been edited meanwhile.
             points = surface_object.read(face) + moved
             made = surface_object.add_shape_key(face, self.expression, points)
-            # What was made is shown, alone.
-            for key in face.data.shape_keys.key_blocks:
-                key.value = float(key == made)
+            # In place of one that was made and shown before; the user's sliders stay.
+            for key in made_keys.of_kind(face, made_keys.EXPRESSION):
+                if key.value == 1.0:
+                    key.value = 0.0
+            made.value = 1.0
+            made_keys.remember(face, self.expression, made_keys.EXPRESSION)
         photo_list.take_reports(context.scene.bsface, outcome.result.reports)
         self.report({"INFO"}, messages.KEY.format(name=self.expression))
 

@@ -20,6 +20,7 @@ from .. import (
     request,
 )
 from ..solving import next_face
+from .masks import on_this_stage
 from .photos import RowOperator, ready
 from .running import LongOperator
 
@@ -91,6 +92,8 @@ class BSFACE_OT_landmarks_edit(RowOperator, LongOperator, bpy.types.Operator):
         if mask_editor.editor() is not None:
             cls.poll_message_set(messages.STAGE_OPEN)
             return False
+        if not on_this_stage(cls, context, landmark_editor.editor()):
+            return False
         return with_landmarks(cls, context)
 
     def prepare(self, context):
@@ -126,10 +129,11 @@ class BSFACE_OT_landmarks_done(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if landmark_editor.editor() is None:
+        obj = landmark_editor.editor()
+        if obj is None:
             cls.poll_message_set(messages.NO_EDITOR)
             return False
-        return True
+        return on_this_stage(cls, context, obj)
 
     def execute(self, context):
         obj = landmark_editor.editor()
@@ -167,6 +171,11 @@ class BSFACE_OT_face_next(RowOperator, LongOperator, bpy.types.Operator):
     bl_idname = "bsface.face_next"
     bl_label = "Next Face"
     bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        stays = on_this_stage(cls, context, landmark_editor.editor())
+        return stays and super().poll(context)
 
     def prepare(self, context):
         row = self.wanted(context)

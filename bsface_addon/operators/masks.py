@@ -20,10 +20,18 @@ from .. import (
     skin_pictures,
 )
 from ..skin_pictures import PhotoToPaint
-from .photos import RowOperator, original_of, ready
+from .photos import RowOperator, ready
 from .refusals import refusals_reported
 from .running import LongOperator
 from .views import ViewOperator
+
+
+def on_this_stage(cls, context, obj):
+    """Shared poll: what is being edited is in this scene, or nothing is."""
+    elsewhere = photo_stage.elsewhere(context, obj)
+    if elsewhere:
+        cls.poll_message_set(messages.STAGE_ELSEWHERE.format(name=elsewhere))
+    return not elsewhere
 
 
 class BSFACE_OT_skin_show(ViewOperator, bpy.types.Operator):
@@ -90,10 +98,11 @@ class MaskOperator:
 
     @classmethod
     def poll(cls, context):
-        if mask_editor.editor() is None:
+        obj = mask_editor.editor()
+        if obj is None:
             cls.poll_message_set(messages.NO_MASK_EDITOR)
             return False
-        return True
+        return on_this_stage(cls, context, obj)
 
 
 class BSFACE_OT_mask_brush(MaskOperator, bpy.types.Operator):
@@ -184,7 +193,7 @@ class BSFACE_OT_mask_save(PaintedOperator, bpy.types.Operator):
     def execute(self, context):
         rows = self.rows(context)
         for row in rows:
-            path = original_of(row).with_suffix(ENDING)
+            path = photo_list.original(row).with_suffix(ENDING)
             write_bytes(
                 path, skin_pictures.turned_back(photo_list.mask(row), row.quarters)
             )

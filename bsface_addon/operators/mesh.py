@@ -13,6 +13,7 @@ from ...core.rig.mesh import quad_mesh
 from .. import (
     coordinates,
     face_file,
+    made_keys,
     maps,
     material,
     mesh_copy,
@@ -182,9 +183,17 @@ class BSFACE_OT_arkit_keys(ChangingOperator, LongOperator, bpy.types.Operator):
             photo_expression.hide(face)
             # On the net as it is now: it may have been edited meanwhile.
             neutral = surface_object.read(face)
+            kept = [
+                name
+                for name in outcome
+                if made_keys.is_changed(face, name, made_keys.ARKIT)
+            ]
             for name, moved in outcome.items():
-                surface_object.add_shape_key(face, name, neutral + moved)
-        self.report({"INFO"}, messages.KEYS.format(count=len(outcome)))
+                if name not in kept:
+                    surface_object.add_shape_key(face, name, neutral + moved)
+                    made_keys.remember(face, name, made_keys.ARKIT)
+        count = len(outcome) - len(kept)
+        self.report({"INFO"}, messages.keys_added(count, len(kept)))
 
 
 CLASSES = (BSFACE_OT_surface_to_mesh, BSFACE_OT_full_head, BSFACE_OT_arkit_keys)

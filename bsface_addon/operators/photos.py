@@ -66,12 +66,6 @@ class RowOperator:
             return None
 
 
-def original_of(row):
-    """The file that the row's photo is, or was before it was turned."""
-    turned_from = bpy.path.abspath(row.original) if row.original else ""
-    return Path(turned_from or photo_list.absolute(row))
-
-
 class BSFACE_OT_photos_add(bpy.types.Operator):
     """Add photos of one person: choose some, or go into a folder and choose none"""
 
@@ -232,7 +226,7 @@ class BSFACE_OT_photos_turn(RowOperator, LongOperator, bpy.types.Operator):
         row = self.wanted(context)
         return turned.PhotoToTurn(
             row.name,
-            original_of(row),
+            photo_list.original(row),
             (row.quarters + self.quarters) % 4,
             turned.folder(),
         )

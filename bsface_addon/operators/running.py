@@ -155,14 +155,14 @@ class LongOperator:
         overlay.show(context, points, frame)
         if first and face is None and footprint(context) == self._before:
             # Views of a new file show metres; the face would be a dot in them.
-            self._views = [cameras.view_state(view) for view in cameras.views(context)]
+            self._views = [cameras.view_state(view) for view in cameras.spaces(context)]
             showing.look_at_front(context, *extent(points, frame))
             self._before = footprint(context)
 
     def put_views_back(self, context: bpy.types.Context) -> None:
         """Where there is no result: look from where the user did, if nobody moved."""
         if self._views and footprint(context) == self._before:
-            for view, then in zip(cameras.views(context), self._views, strict=True):
+            for view, then in zip(cameras.spaces(context), self._views, strict=True):
                 cameras.set_view(view, then)
 
     def cancel(self, context):
@@ -195,7 +195,7 @@ def footprint(context: bpy.types.Context) -> tuple:
     return (
         None if active is None else (active.name, active.mode),
         [obj.name for obj in layer.objects if obj.select_get()],
-        [cameras.view_state(view) for view in cameras.views(context)],
+        [cameras.view_state(view) for view in cameras.spaces(context)],
         [operator.as_pointer() for operator in manager.operators],
     )
 

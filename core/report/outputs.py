@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence, Set
 from pathlib import Path
 
 from ..errors import ReconstructionError
@@ -69,7 +69,7 @@ def check_outputs(
         if os.path.isdir(log) or not special:
             asked.append((log, (Path(log),)))
     inputs = _inputs(photos, recursive) if photos else []
-    kept, beside = _identities(inputs), _beside(inputs)
+    kept, beside = _identities(inputs), _names_beside(inputs)
     own = _identities([Path(name) for name in read])
     whose: dict[tuple[str, str], tuple[int, Path]] = {}
     for number, (name, files) in enumerate(asked):
@@ -77,15 +77,7 @@ def check_outputs(
             why = why_not_writable(path)
             if why:
                 raise ValueError(f"{path}: {why}.")
-            if _identities([path]) & kept:
-                raise ValueError(
-                    f"{path} belongs to the photos and would be written over; choose "
-                    "another name or folder."
-                )
-            if _identities([path]) & own:
-                raise ValueError(
-                    f"{path} is read and would be written over; choose another name."
-                )
+            _refuse(path, kept, own)
             folder, file = os.path.split(os.path.realpath(path))
             if (folder, file.casefold()) in beside:
                 raise ValueError(
@@ -104,6 +96,31 @@ def check_outputs(
                     f"{asked[other][0]} and {name} {same}; give one of them another "
                     "name."
                 )
+
+
+def check_inputs(
+    files: Iterable[Path], *, photos: Iterable[Path] = (), read: Iterable[Path] = ()
+) -> None:
+    """Refuse to write over what is read.
+
+    Parameters
+    ----------
+    files : iterable of Path
+        Files that would be written.
+    photos : iterable of Path
+        Photos; their landmark and mask files are kept too.
+    read : iterable of Path
+        More files that are read.
+
+    Raises
+    ------
+    ValueError
+        With a sentence that names the file.
+    """
+    photos = list(photos)
+    kept, own = _identities([*photos, *_beside(photos)]), _identities(list(read))
+    for path in files:
+        _refuse(path, kept, own)
 
 
 def files_of(name: str | os.PathLike) -> tuple[Path, ...]:
@@ -125,13 +142,31 @@ def _inputs(photos: str, recursive: bool) -> list[Path]:
         found = scan_folder(path, recursive)
     except ReconstructionError:
         return []  # said by whoever reads the photos
-    beside = [
-        f(p) for p in found.photos for f in (landmark_file_beside, mask_file_beside)
-    ]
-    return [*found.sources, *(p for p in beside if p is not None)]
+    return [*found.sources, *_beside(found.photos)]
 
 
-def _beside(inputs: Sequence[Path]) -> frozenset[tuple[str, str]]:
+def _beside(photos: Iterable[Path]) -> list[Path]:
+    """The landmark and mask files of photos."""
+    both = (landmark_file_beside, mask_file_beside)
+    found = [beside(photo) for photo in photos for beside in both]
+    return [path for path in found if path is not None]
+
+
+def _refuse(path: Path, kept: Set[tuple[int, int]], own: Set[tuple[int, int]]) -> None:
+    """Raise where a file is one of the photos or of what else is read."""
+    known = _identities([path])
+    if known & kept:
+        raise ValueError(
+            f"{path} belongs to the photos and would be written over; choose another "
+            "name or folder."
+        )
+    if known & own:
+        raise ValueError(
+            f"{path} is read and would be written over; choose another name."
+        )
+
+
+def _names_beside(inputs: Sequence[Path]) -> frozenset[tuple[str, str]]:
     """Folder and name of the landmark and mask files that photos may have."""
     found = set()
     for path in inputs:

@@ -148,6 +148,40 @@ def test_keys_and_their_animation_outlive_a_net_of_another_size(face, way):
     assert keys.animation_data.action == action
 
 
+def test_what_hangs_on_the_keys_outlives_a_net_of_another_size(face):
+    for name in ("Smile", "Grin"):
+        surface_object.add_shape_key(face, name, points(face) + (0, 0, 2))
+    curve, keys = face.data, face.data.shape_keys
+    smile, grin = keys.key_blocks["Smile"], keys.key_blocks["Grin"]
+    grin.relative_key, grin.lock_shape, grin.interpolation = smile, True, "KEY_CARDINAL"
+    keys.name, keys["note"], curve["note"], curve.use_path = "Ann keys", 5, 6, True
+    smile.keyframe_insert("value", frame=1)
+    curve.keyframe_insert("eval_time", frame=1)
+    action = keys.animation_data.action
+    track = keys.animation_data.nla_tracks.new()
+    track.strips.new("talk", 1, action)
+    keys.animation_data.action = None
+    double, reader = face.copy(), bpy.data.objects.new("reader", None)
+    for obj in (double, reader):
+        bpy.context.scene.collection.objects.link(obj)
+    driver = reader.driver_add("location", 0).driver
+    target = driver.variables.new().targets[0]
+    target.id_type, target.id = "KEY", keys
+    target.data_path = 'key_blocks["Smile"].value'
+    bpy.ops.bsface.surface_resample(control_points_u=20, control_points_v=22)
+    assert face.data == double.data == curve and curve.shape_keys == keys
+    assert surface_object.shape(double) == (20, 22)
+    assert grin.relative_key == smile and grin.lock_shape
+    assert (keys.name, keys["note"], curve["note"]) == ("Ann keys", 5, 6)
+    assert curve.use_path and curve.animation_data.action is not None
+    assert keys.animation_data.nla_tracks[0].strips[0].action == action
+    assert target.id == keys
+    moved = points(face, "Grin") - points(face)
+    np.testing.assert_allclose(
+        moved, np.broadcast_to((0, 0, 2), moved.shape), atol=1e-3
+    )
+
+
 def test_a_failure_after_the_net_changed_its_size_costs_no_face(face):
     surface_object.add_shape_key(face, "Smile", points(face) + (0, 0, 2))
     net = resampled_net(points(face), (20, 22))
@@ -165,6 +199,53 @@ def test_a_word_that_is_too_long_for_a_key_is_refused(face):
         with pytest.raises(RuntimeError, match="use a shorter word"):
             bpy.ops.bsface.expression_key(expression=word)
         assert face.data.shape_keys is None
+
+
+def test_a_word_that_is_the_name_of_another_key_is_refused(face):
+    bpy.ops.bsface.arkit_keys()
+    face.data.shape_keys.reference_key.name = "Calm"
+    face.shape_key_add(name="Mine", from_mix=False)
+    before = points(face)
+    for word, why in (
+        ("Neutral", "BSface needs the name"),
+        ("Calm", "BSface needs the name"),
+        ("As in Photo", "BSface needs the name"),
+        ("jawOpen", "was not made from photos"),
+        ("Mine", "was not made from photos"),
+    ):
+        bpy.ops.bsface.expression_assign(expression=word, which="USED")
+        with pytest.raises(RuntimeError, match=why):
+            bpy.ops.bsface.expression_key(expression=word)
+    np.testing.assert_array_equal(points(face), before)
+
+
+def test_an_expression_is_made_again_and_other_sliders_stay(face):
+    bpy.ops.bsface.arkit_keys()
+    bpy.ops.bsface.expression_assign(expression="Smile", which="USED")
+    blocks = face.data.shape_keys.key_blocks
+    blocks["jawOpen"].value = 0.4
+    for _ in range(2):
+        assert bpy.ops.bsface.expression_key(expression="Smile") == {"FINISHED"}
+    assert blocks["Smile"].value == 1 and blocks["jawOpen"].value == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("net", [None, (20, 22)])
+def test_keys_that_were_changed_by_hand_are_not_made_again(face, capfd, net):
+    bpy.ops.bsface.arkit_keys()
+    if net is not None:
+        bpy.ops.bsface.surface_resample(control_points_u=20, control_points_v=22)
+    blocks = face.data.shape_keys.key_blocks
+    blocks["jawOpen"].data[100].co.z += 0.01
+    mine = np.array([point.co for point in blocks["jawOpen"].data])
+    # Their basis may move meanwhile: that is not a change of theirs.
+    surface_object.write(bpy.context, face, points(face) + [0.0, 1.0, 0.0])
+    mine[:, 2] += 0.001
+    capfd.readouterr()
+    bpy.ops.bsface.arkit_keys()
+    text = "51 shape keys added; 1 that you made or changed stay as they are"
+    assert text in capfd.readouterr().out
+    now = np.array([point.co for point in blocks["jawOpen"].data])
+    np.testing.assert_allclose(now, mine, atol=1e-6)
 
 
 # --- the add-on is disabled ----------------------------------------------------------

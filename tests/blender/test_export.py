@@ -143,3 +143,37 @@ def test_formats_without_their_package_are_not_offered():
     assert (".step", "STEP") in export.available()
     kinds = {kind for kind, _ in export.available({".3dm": "no_such_package"})}
     assert kinds == {kind for kind, _, _ in export.FORMATS} - {".3dm"}
+
+
+def test_no_photo_is_written_over(face, tmp_path):
+    """The skin of an OBJ mesh, or of Save Texture, may have the name of a photo."""
+    photo = tmp_path / "photos" / "0.png"
+    before = photo.read_bytes()
+    with pytest.raises(RuntimeError, match=r"0\.png belongs to the photos"):
+        bpy.ops.bsface.export(filepath=str(photo.with_name("0.obj")), kind=".obj")
+    bpy.ops.bsface.surface_map(kind="NORMALS")
+    with pytest.raises(RuntimeError, match=r"0\.png belongs to the photos"):
+        bpy.ops.bsface.texture_save(filepath=str(photo))
+    # The mask of a photo that is in a list only.
+    mask = tmp_path / "others" / "1.mask.png"
+    mask.parent.mkdir()
+    (tmp_path / "photos" / "1.png").rename(mask.with_name("1.png"))
+    mask.write_bytes(b"mine")
+    bpy.ops.bsface.photos_add(directory=str(mask.parent))
+    with pytest.raises(RuntimeError, match=r"1\.mask\.png belongs to the photos"):
+        bpy.ops.bsface.texture_save(filepath=str(mask))
+    assert photo.read_bytes() == before and mask.read_bytes() == b"mine"
+    assert not photo.with_suffix(".obj").exists()
+
+
+def test_a_texture_keeps_the_whole_name(face, tmp_path):
+    bpy.ops.bsface.surface_map(kind="NORMALS")
+    (tmp_path / "Ann.png").write_bytes(b"mine")
+    bpy.ops.bsface.texture_save(filepath=str(tmp_path / "Ann.v2"))
+    assert (tmp_path / "Ann.png").read_bytes() == b"mine"
+    assert (tmp_path / "Ann.v2.png").stat().st_size > 100
+
+
+def test_the_endings_that_are_named_include_fbx(face, tmp_path):
+    with pytest.raises(RuntimeError, match=r"unknown ending.*\.fbx"):
+        bpy.ops.bsface.export(filepath=str(tmp_path / "ann.xyz"))

@@ -73,6 +73,21 @@ def test_export_of_a_blend(addon, solved, tmp_path, kind):
     assert target.stat().st_size > 1000
 
 
+def test_an_export_writes_over_no_photo_and_not_what_it_reads(
+    addon, solved, tmp_path, capfd
+):
+    blend, npz = tmp_path / "ann.blend", tmp_path / "ann.npz"
+    photo = tmp_path / "photos" / "0.png"
+    before = photo.read_bytes()
+    headless.main([str(tmp_path / "photos"), str(blend), "--npz", str(npz)])
+    capfd.readouterr()
+    assert headless.main(["export", str(blend), str(photo.with_suffix(".obj"))]) == 1
+    assert "0.png belongs to the photos" in capfd.readouterr().err
+    assert headless.main(["export", str(npz), str(npz)]) == 1
+    assert "is read and would be written over" in capfd.readouterr().err
+    assert photo.read_bytes() == before
+
+
 def test_export_of_a_face_file(addon, solved, tmp_path):
     npz = tmp_path / "ann.npz"
     headless.main(

@@ -204,3 +204,15 @@ def test_survives_saving_and_loading(empty_scene, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=path)
     back = surface_object.read(bpy.data.objects["face"])
     np.testing.assert_allclose(back, points, atol=FLOAT32_MM)
+
+
+def test_a_view_that_shows_no_surfaces_is_no_hindrance(empty_scene):
+    areas = [a for a in bpy.context.window.screen.areas if a.type == "VIEW_3D"]
+    if not areas:
+        pytest.skip("this build of Blender has no 3D view")
+    region = next(r for r in areas[0].regions if r.type == "WINDOW")
+    areas[0].spaces.active.show_object_viewport_surf = False
+    with bpy.context.temp_override(area=areas[0], region=region):
+        obj = surface_object.create(bpy.context, "face", face_like(6, 5))
+        surface_object.write(bpy.context, obj, face_like(7, 9))
+    assert surface_object.shape(obj) == (7, 9)
