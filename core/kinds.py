@@ -13,6 +13,7 @@ Kinds = type | UnionType | tuple[type, ...]
 
 PATH: Kinds = (str, os.PathLike)
 SWITCH: Kinds = (bool, np.bool_)
+NUMBER: Kinds = (int, float, np.integer, np.floating)
 CALLBACK: Kinds = Callable | type(None)
 
 
@@ -54,6 +55,14 @@ def expect_whole(low: int, high: int, **given: object) -> None:
             raise TypeError(f"{name} must be {wanted}, not {type(value).__name__}.")
         if not low <= value <= high:
             raise ValueError(f"{name} must be {wanted}, not {value}.")
+
+
+def expect_number(**given: object) -> None:
+    """Refuse what is no number, and true and false; see `expect`."""
+    for name, value in given.items():
+        if isinstance(value, bool):
+            raise TypeError(f"{name} must be a number, not bool.")
+    expect(NUMBER, "a number", **given)
 
 
 def real_numbers(given: object, name: str) -> NDArray[np.float64]:

@@ -218,8 +218,6 @@ def export(
         raise ReconstructionError(
             f"{path}: unknown ending; choose one of {', '.join(['.npz', *WRITERS])}."
         )
-    if found == ".npz":
-        return save_face(path, face)
     options = options or ExportOptions()
     if trimmed is not None:
         options = replace(options, trimmed=trimmed)
@@ -228,6 +226,8 @@ def export(
     if name is not None:
         options = replace(options, name=name)
     options.check(path)
+    if found == ".npz":
+        return save_face(path, face)
     try:
         return WRITERS[found][1](Path(path), face, options)
     except ValueError as error:

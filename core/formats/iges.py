@@ -45,11 +45,12 @@ def write_iges(
     outline_uv : (k, 2) array, optional
         Outline in the core's (u, v); the whole surface without it.
     name : str
-        Label, at most 8 letters are kept.
+        Name of the product; entities keep 8 letters of it, the file 60. What is not
+        ASCII becomes "?".
     stamp : Stamp
         Author and date.
     curves : tuple of (name, ExchangeCurve)
-        More curves in space.
+        More curves in space, labelled by their names and numbers.
 
     Raises
     ------
@@ -69,11 +70,17 @@ def iges_text(
     curves: NamedCurves = (),
 ) -> str:
     """The text of the file: 80 columns, sections S, G, D, P, T."""
-    label = name.encode("ascii", "replace").decode("ascii")[:8]
+    name = _ascii(name)
     directory: list[str] = []
     parameters: list[str] = []
 
-    def add(entity: int, values: Sequence[float | int], status: str) -> int:
+    def add(
+        entity: int,
+        values: Sequence[float | int],
+        status: str,
+        label: str = name,
+        number: int = 0,
+    ) -> int:
         """One entity; returns its pointer, the number of its first directory line."""
         pointer = len(directory) + 1
         first = len(parameters) + 1
@@ -88,7 +95,7 @@ def iges_text(
         fields = [entity, 0, 0, count, 0]
         directory.append(
             "".join(f"{field:>8d}" for field in fields)
-            + f"{'':>16}{label:>8}{0:>8d}D{pointer + 1:>7d}"
+            + f"{'':>16}{label[:8]:>8}{number:>8d}D{pointer + 1:>7d}"
         )
         return pointer
 
@@ -107,20 +114,27 @@ def iges_text(
         # Made by no projection in particular; the curve in (u, v) is the master.
         on_surface = add(142, [0, surface, flat, space, 1], _DEPENDENT)
         add(144, [surface, 1, 0, on_surface], _INDEPENDENT)
-    for _, curve in curves:
+    for number, (title, curve) in enumerate(curves, 1):
         closed = bool((curve.control_points[0] == curve.control_points[-1]).all())
-        add(126, _curve(curve, False, closed), _INDEPENDENT)
+        values = _curve(curve, False, closed)
+        add(126, values, _INDEPENDENT, _ascii(title), number)
 
     start = [f"{'B-spline face surface, millimetres':<72}S{1:>7d}"]
     largest = float(np.abs(face.control_points).max())
     header = [
         f"{text:<72}G{number:>7d}"
-        for number, text in enumerate(_wrapped(_global(label, largest, stamp), 72), 1)
+        for number, text in enumerate(_wrapped(_global(name, largest, stamp), 72), 1)
     ]
     counts = (len(start), len(header), len(directory), len(parameters))
     sizes = "".join(f"{s}{c:>7d}" for s, c in zip("SGDP", counts, strict=True))
     end = f"{sizes:<72}T{1:>7d}"
     return "\n".join([*start, *header, *directory, *parameters, end, ""])
+
+
+def _ascii(text: str) -> str:
+    """The text as the format can hold it; shorter than a line."""
+    printable = (c if " " <= c <= "~" else "?" for c in text)
+    return "".join(printable)[:60]
 
 
 def _number(value: float | int) -> str:
@@ -139,17 +153,17 @@ def _wrapped(values: list[str], width: int) -> list[str]:
     return [*lines, line]
 
 
-def _global(label: str, largest: float, stamp: Stamp) -> list[str]:
+def _global(name: str, largest: float, stamp: Stamp) -> list[str]:
     def text(value: str) -> str:
         return f"{len(value)}H{value}"
 
     date = text(datetime.fromisoformat(stamp.date).strftime("%Y%m%d.%H%M%S"))
-    author = text(stamp.author.encode("ascii", "replace").decode("ascii")[:60])
+    author = text(_ascii(stamp.author))
     return [
-        *(text(","), text(";"), text(label), text(f"{label}.igs")),
+        *(text(","), text(";"), text(name), text(f"{name}.igs")),
         *(text("bsface"), text("bsface"), "32", "38", "6", "308", "15"),
         # Scale 1, unit 2 = millimetres, line weights.
-        *(text(label), "1.", "2", text("MM"), "1", "0.1", date),
+        *(text(name), "1.", "2", text("MM"), "1", "0.1", date),
         *("1.E-6", real(largest), author, text(""), "11", "0", date),
     ]
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ..files import write_bytes, write_text
 from ..surface.bspline import BSplineSurface
-from .mtl import material, plain_stem, write_pictures
+from .mtl import Source, material, plain_stem, write_pictures
 from .tessellation import tessellate
 
 
@@ -24,9 +24,9 @@ def write_mesh_obj(
     name: str = "face",
     *,
     tolerance: float = 0.25,
-    texture: str | os.PathLike | None = None,
-    normals: str | os.PathLike | None = None,
-    displacement: str | os.PathLike | None = None,
+    texture: Source | None = None,
+    normals: Source | None = None,
+    displacement: Source | None = None,
 ) -> Path:
     """Write a triangle mesh as Wavefront OBJ with texture coordinates and normals.
 

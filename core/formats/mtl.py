@@ -73,7 +73,7 @@ def write_pictures(
 
 
 def lost_picture(
-    path: Path, pictures: Sequence[str | os.PathLike | None], *, remade: bool
+    path: Path, pictures: Sequence[Source | None], *, remade: bool
 ) -> Path | None:
     """The first of the pictures that would be written over with another content.
 
@@ -81,13 +81,13 @@ def lost_picture(
     ----------
     path : Path
         The OBJ file.
-    pictures : sequence of path or None
-        Texture, normal map and displacement.
+    pictures : sequence of path, bytes or None
+        Texture, normal map and displacement; content in memory cannot be lost.
     remade : bool
         Whether they are changed on the way; otherwise each may stay where it is.
     """
     named = zip(ENDS, pictures, strict=True)
-    given = {end: picture for end, picture in named if picture is not None}
+    given = {e: p for e, p in named if p is not None and not isinstance(p, bytes)}
     for end, ending in itertools.product(given, SIGNATURES.values()):
         target = path.with_name(plain_stem(path) + end + ending)
         for other, source in given.items():

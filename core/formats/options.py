@@ -8,10 +8,10 @@ from datetime import datetime
 from pathlib import Path
 
 from ..errors import ReconstructionError
-from ..kinds import SWITCH, expect
-from ..settings import NUMBER
-from .exchange import NamedCurves
-from .mtl import lost_picture
+from ..kinds import SWITCH, expect, expect_number
+from ..rig.mesh import DENSITIES
+from .exchange import ExchangeCurve, NamedCurves
+from .mtl import Source, lost_picture
 
 #: The date of files that name none, so that equal faces give equal bytes.
 FIXED_DATE = "1970-01-01T00:00:00"
@@ -34,13 +34,13 @@ class ExportOptions:
         ``.stl``, ``.3mf``.
     name : str, optional
         Name of the object in the file; by default the file's own.
-    texture : path, optional
+    texture : path or bytes, optional
         A PNG or JPEG picture over (u, v), row 0 at v = 0: ``.obj``, ``.glb``.
     head : bool
         The whole head instead of the face: ``.glb``, and ``.obj`` as quads.
-    normals : path, optional
+    normals : path or bytes, optional
         A tangent-space normal map over (u, v), green up: ``.obj``, ``.glb``.
-    displacement : path, optional
+    displacement : path or bytes, optional
         A 16-bit displacement over (u, v), see `write_displacement`: ``.obj``.
     density : str
         "low", "medium" or "high", of the quads in ``.glb`` and of the head.
@@ -61,10 +61,10 @@ class ExportOptions:
     trimmed: bool = True
     tolerance: float = 0.25
     name: str | None = None
-    texture: str | os.PathLike | None = None
+    texture: Source | None = None
     head: bool = False
-    normals: str | os.PathLike | None = None
-    displacement: str | os.PathLike | None = None
+    normals: Source | None = None
+    displacement: Source | None = None
     density: str = "medium"
     keys: bool = True
     openings: bool = True
@@ -83,9 +83,12 @@ class ExportOptions:
         TypeError
             A value is of another kind.
         """
-        expect(str | None, "a text", name=self.name)
-        expect(SWITCH, "true or false", trimmed=self.trimmed)
-        expect(NUMBER, "a number", tolerance=self.tolerance, thickness=self.thickness)
+        self._check_kinds()
+        if self.density not in DENSITIES:
+            raise ReconstructionError(
+                f"{path}: density must be one of {', '.join(DENSITIES)}, not "
+                f"{self.density!r}."
+            )
         for what, value in (
             ("tolerance", self.tolerance),
             ("thickness", self.thickness),
@@ -108,6 +111,39 @@ class ExportOptions:
                 raise ReconstructionError(
                     f"{path}: {lost} is read and would be written over with another "
                     "picture; choose another name."
+                )
+
+    def _check_kinds(self) -> None:
+        expect(str | None, "a text", name=self.name)
+        expect(str, "a text", author=self.author, date=self.date, density=self.density)
+        expect(
+            SWITCH,
+            "true or false",
+            trimmed=self.trimmed,
+            head=self.head,
+            keys=self.keys,
+            openings=self.openings,
+        )
+        expect_number(tolerance=self.tolerance, thickness=self.thickness)
+        # A whole number would be taken for an open file of the process.
+        expect(
+            (str, os.PathLike, bytes, type(None)),
+            "a path or the content of a picture",
+            texture=self.texture,
+            normals=self.normals,
+            displacement=self.displacement,
+        )
+        expect(tuple | list, "pairs of a name and a curve", curves=self.curves)
+        for pair in self.curves:
+            whole = isinstance(pair, tuple | list) and len(pair) == 2
+            if not (
+                whole
+                and isinstance(pair[0], str)
+                and isinstance(pair[1], ExchangeCurve)
+            ):
+                raise TypeError(
+                    "curves must be pairs of a name and an ExchangeCurve, such as "
+                    '(("seal", curve),).'
                 )
 
 

@@ -10,6 +10,7 @@ it is given. More curves in space follow as a ``GEOMETRIC_CURVE_SET``.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -126,8 +127,20 @@ def real(value: float) -> str:
 
 
 def _string(text: str) -> str:
-    plain = text.encode("ascii", "replace").decode("ascii")
-    return "'" + plain.replace("\\", "/").replace("'", "''") + "'"
+    """A text as ISO 10303-21, 6.4.3 writes it: other letters than ASCII by number."""
+    text = text.encode("utf-8", "replace").decode("utf-8")
+    plain = text.replace("\\", "\\\\").replace("'", "''")
+    plain = re.sub(r"[\x00-\x1f\x7f-\uffff]+", lambda found: _coded(found[0], 2), plain)
+    plain = re.sub(
+        r"[\U00010000-\U0010ffff]+", lambda found: _coded(found[0], 4), plain
+    )
+    return f"'{plain}'"
+
+
+def _coded(letters: str, size: int) -> str:
+    """Letters in hexadecimal, of ``size`` bytes each."""
+    digits = "".join(f"{ord(letter):0{2 * size}X}" for letter in letters)
+    return rf"\X{size}\{digits}\X0" + "\\"
 
 
 def _knots(knots: Array) -> tuple[str, str]:

@@ -12,6 +12,7 @@ the head are those of (u, v) on the face, and the map's vectors stay what they a
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -107,14 +108,16 @@ def _skin_around(
 
 
 def head_texture(
-    path: str | os.PathLike, template: Template, plain: npt.ArrayLike | None = None
+    path: str | os.PathLike | bytes,
+    template: Template,
+    plain: npt.ArrayLike | None = None,
 ) -> bytes:
     """The head's picture of a texture file over (u, v), as PNG.
 
     Parameters
     ----------
-    path : path-like
-        PNG or JPEG, 8 or 16 bits, row 0 at v = 0.
+    path : path-like, or bytes
+        PNG or JPEG, or its content, 8 or 16 bits, row 0 at v = 0.
     template : Template
     plain : (3,), optional
         Colour of the rest of the head from 0 to 1: `FLAT` for a normal map, `STILL` for
@@ -132,13 +135,14 @@ def head_texture(
     """
     flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        with open(path, "rb") as file:
-            found = cv2.imdecode(np.frombuffer(file.read(), np.uint8), flags)
+        content = path if isinstance(path, bytes) else Path(path).read_bytes()
+        found = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
     except (OSError, cv2.error):
         found = None
     if found is None or found.dtype not in (np.uint8, np.uint16):
+        shown = "bytes" if isinstance(path, bytes) else path
         raise ReconstructionError(
-            f"{path}: the texture cannot be read; give a PNG or JPEG picture."
+            f"{shown}: the texture cannot be read; give a PNG or JPEG picture."
         )
     if found.ndim == 2:
         grey = np.repeat(found[..., None], 3, axis=2)

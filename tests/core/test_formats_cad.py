@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bsface.formats import obj, rhino, step
 from bsface.formats.clipping import signed_distance
-from bsface.formats.exchange import exchange_surface, outline_curves
+from bsface.formats.exchange import exchange_surface, open_curve, outline_curves
 from bsface.formats.iges import write_iges
 from bsface.formats.options import Stamp
 from fake_face import ellipse_outline, face_surface
@@ -221,6 +221,58 @@ def test_iges_lines_have_eighty_columns(tmp_path, surface, outline):
     lines = path.read_text().splitlines()
     assert {len(line) for line in lines} == {80}
     assert "".join(dict.fromkeys(line[72] for line in lines)) == "SGDPT"
+
+
+@pytest.mark.parametrize(
+    "text, coded",
+    [
+        ("plain", "'plain'"),
+        ("O'Neill", "'O''Neill'"),
+        (r"a\b", r"'a\\b'"),
+        ("Müller", "'M" + r"\X2\00FC\X0" + "\\ller'"),
+        ("頬線", "'" + r"\X2\982C7DDA\X0" + "\\'"),
+        ("😀", "'" + r"\X4\0001F600\X0" + "\\'"),
+        ("a\nb", "'a" + r"\X2\000A\X0" + "\\b'"),
+        ("\udc80", "'?'"),
+    ],
+)
+def test_texts_are_coded_by_the_standard(text, coded):
+    assert step._string(text) == coded
+
+
+def test_names_in_any_script_stay_apart_and_are_read(tmp_path, surface):
+    """OpenCASCADE decodes them; two curves keep two names."""
+    line = open_curve(np.linspace(0, 1, 5), np.outer(np.arange(5.0), (1, 1, 1)))
+    path = tmp_path / "a.step"
+    step.write_step(path, surface, None, "頬's", curves=(("ж", line), ("ü", line)))
+    text = path.read_text("ascii")
+    assert r"\X2\0436\X0" in text and r"\X2\00FC\X0" in text
+    read_cad(path)
+    from OCP.STEPControl import STEPControl_Reader
+
+    reader = STEPControl_Reader()
+    reader.ReadFile(str(path))
+    model = reader.StepModel()
+    items = (model.Value(k + 1) for k in range(model.NbEntities()))
+    found = [
+        bytes(i.Name().ToCString(), "utf-8", "surrogateescape").decode()
+        for i in items
+        if type(i).__name__ == "StepGeom_BSplineCurveWithKnots"
+    ]
+    assert {"ж", "ü"} <= set(found)
+
+
+def test_iges_keeps_long_names_and_tells_curves_apart(tmp_path, surface):
+    line = open_curve(np.linspace(0, 1, 5), np.outer(np.arange(5.0), (1, 1, 1)))
+    path, name = tmp_path / "a.igs", "a face with a long name"
+    write_iges(path, surface, None, name, curves=(("жж", line), ("üü", line)))
+    lines = path.read_text("ascii").splitlines()
+    assert {len(line) for line in lines} == {80}
+    text = "".join(x[:72].rstrip() for x in lines if x[72] == "G").replace(" ", "")
+    assert text.count(f"{len(name)}H{name}".replace(" ", "")) == 2
+    assert f"{len(name) + 4}H{name}.igs".replace(" ", "") in text
+    labels = [x[56:72] for x in lines if x[72] == "D"][1::2]
+    assert len(set(labels[-2:])) == 2 and "??" in labels[-1]
 
 
 # -------------------------------------------------------------------- Rhino

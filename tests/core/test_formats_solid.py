@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from bsface import formats
+from bsface.drawing.pictures import encode_png
 from bsface.errors import ReconstructionError
 from bsface.formats.solid import border_edges, solid, volume
 from bsface.surface.bspline import BSplineSurface
@@ -126,3 +127,54 @@ def test_unusable_options_are_refused_with_a_sentence(tmp_path, face, field, val
     with pytest.raises(ReconstructionError, match=r"face\.stl: .*(length|date)"):
         formats.export(tmp_path / "face.stl", face, options=options)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", ["npz", "stl", "step"])
+@pytest.mark.parametrize(
+    "field, wrong",
+    [
+        ("trimmed", "no"),
+        ("head", 1),
+        ("keys", None),
+        ("openings", "yes"),
+        ("tolerance", True),
+        ("thickness", "2"),
+        ("name", 3),
+        ("author", b"me"),
+        ("author", None),
+        ("date", 2026),
+        ("density", 3),
+        ("density", "fine"),
+        ("texture", 99),
+        ("normals", True),
+        ("displacement", ["a.png"]),
+        ("curves", None),
+        ("curves", ("seal",)),
+        ("curves", ((3, None),)),
+        ("curves", (("seal", np.zeros((4, 2))),)),
+    ],
+)
+def test_options_of_wrong_kinds_are_refused_by_name(
+    tmp_path, face, ending, field, wrong
+):
+    options = formats.ExportOptions(**{field: wrong})
+    with pytest.raises(
+        (TypeError, ReconstructionError), match=rf"{field} must be .*\.$"
+    ):
+        formats.export(tmp_path / f"face.{ending}", face, options=options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_options_count_for_the_face_file_too(tmp_path, face):
+    with pytest.raises(ReconstructionError, match="positive length"):
+        formats.export(tmp_path / "face.npz", face, tolerance=-1)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("head", [False, True])
+@pytest.mark.parametrize("ending", ["glb", "obj"])
+def test_pictures_may_be_in_memory(tmp_path, face, head, ending):
+    texture = encode_png(np.full((16, 16, 3), 99, np.uint8))
+    options = formats.ExportOptions(texture=texture, head=head, density="low")
+    path = formats.export(tmp_path / f"face.{ending}", face, options=options)
+    assert path.stat().st_size > 1000
