@@ -77,6 +77,10 @@ def _remove_rig(context: bpy.types.Context, empty: bpy.types.Object) -> int:
 
 def _purge_face(face: bpy.types.Object) -> None:
     curve, own, images = face.data, material.existing(face), material.images(face)
+    if own is not None and own.users > 1:
+        # A mesh of the face keeps the material, and nothing could change its map.
+        has_skin = material.stored_map(face, "SKIN") is not None
+        material.show(face, "SKIN" if has_skin else "PLAIN")
     for scene in bpy.data.scenes:
         if scene.bsface.face == face:
             scene.bsface.face = None
