@@ -23,6 +23,12 @@ from .rig import PHOTO_KEY
 # An orthographic camera has no place along its axis; it must stand before the face.
 ORTHOGRAPHIC_DISTANCE_MM = 1000.0
 SENSOR_MM = 36.0
+# Distances of the face beyond which nothing is seen.
+CLIP_END = 10
+# What the projection of a photo fixes at a camera, and at the picture behind it.
+LENS = ("type", "lens", "ortho_scale", "sensor_fit", "sensor_width")
+LENS += ("shift_x", "shift_y")
+PLACED = ("rotation", "use_flip_x", "scale", "frame_method")
 SIZE_KEY = "bsface_photo_size"
 # What was measured as skin in its photo, see `skin_pictures.measured`.
 SKIN_KEY = "bsface_skin"
@@ -84,7 +90,7 @@ def set_lens(data, camera, size, unit):
         data.ortho_scale = longer / camera.s * unit
         data.shift_x = data.shift_y = 0.0
         distance = unit * ORTHOGRAPHIC_DISTANCE_MM
-    data.clip_start, data.clip_end = distance / 100, distance * 10
+    data.clip_start, data.clip_end = distance / 100, distance * CLIP_END
     data.display_size = 20 * unit
     data.passepartout_alpha = 0.5
 
@@ -107,7 +113,7 @@ def add(parent, name, camera, photo, turn, collection):
     -------
     bpy.types.Object
     """
-    unit = coordinates.world_frame(rig.face_of_rig(parent)).to_scale().x
+    unit = abs(coordinates.world_frame(rig.face_of_rig(parent)).to_scale().x)
     data = bpy.data.cameras.new(name)
     set_lens(data, camera, photo.size, unit)
     obj = bpy.data.objects.new(name, data)
@@ -188,7 +194,7 @@ def look_through(context, camera, switch_views=True):
     scene, render = context.scene, context.scene.render
     face = rig.face_of(camera)
     shown = face is not None and are_shown(context, face)
-    first = scene.camera is None or PHOTO_KEY not in scene.camera
+    first = scene.camera is None or not rig.is_own(scene.camera)
     size = [int(side) for side in camera[SIZE_KEY]]
     if PHOTO_KEY in camera:  # what a stage has changed, it keeps itself
         _remember_frame(context, first, size)
@@ -210,7 +216,7 @@ def leave_views(context):
     _restore_views(context)
     scene = context.scene
     camera, then = scene.camera, json.loads(scene.get(FRAME_BEFORE, "{}"))
-    if camera is not None and PHOTO_KEY in camera:
+    if camera is not None and rig.is_own(camera):
         face = rig.face_of(camera)
         if face is not None:
             camera.hide_viewport = not are_shown(context, face)
@@ -344,12 +350,29 @@ def _remember_views(context, first):
     context.window_manager[VIEWS_BEFORE] = json.dumps(states)
 
 
-def keep_state(old, new):
-    """Give a camera or sun what the user switched at the one that it replaces."""
-    new.hide_viewport, new.hide_render = old.hide_viewport, old.hide_render
-    if new.type == "CAMERA":
-        for before in old.data.background_images[:1]:
-            put_photo(new, before.display_depth == "FRONT", before.alpha)
+def renew(old, new):
+    """Give a camera the place and projection that a newer run found for its photo.
+
+    What the user set at it stays.
+    """
+    if old.data.users > 1:  # a copy that the user made keeps its lens
+        old.data = old.data.copy()
+    data, fresh = old.data, new.data
+    for name in LENS:
+        setattr(data, name, getattr(fresh, name))
+    distance = fresh.clip_end / CLIP_END
+    if not data.clip_start < distance < data.clip_end:
+        data.clip_start, data.clip_end = fresh.clip_start, fresh.clip_end
+    for photo in fresh.background_images[:1]:
+        if not data.background_images:
+            data.show_background_images = True
+            data.background_images.new().display_depth = photo.display_depth
+        for name in ("image", *PLACED):
+            setattr(data.background_images[0], name, getattr(photo, name))
+    old[SIZE_KEY] = list(new[SIZE_KEY])
+    old.pop(SKIN_KEY, None)
+    if SKIN_KEY in new:
+        old[SKIN_KEY] = new[SKIN_KEY]
 
 
 def in_front(face):

@@ -67,10 +67,16 @@ def add(
         skin = next(iter(face.data.materials), None)
     for part in _parts(local):
         obj.data.materials.append(skin if part == "skin" else _material(part))
-    for collection in face.users_collection:
+    for collection in _open_homes(face) or [bpy.context.scene.collection]:
         collection.objects.link(obj)
     obj.matrix_world = face.matrix_world
     return obj
+
+
+def _open_homes(face: bpy.types.Object) -> list[bpy.types.Collection]:
+    """Collections of a face that take another object: none of another file."""
+    homes = face.users_collection
+    return [c for c in homes if c.library is None and c.override_library is None]
 
 
 def stand_alone(

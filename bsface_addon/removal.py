@@ -13,15 +13,19 @@ import bpy
 from . import cameras, material, rig
 from .scene import MARK
 
+# Marks of the collections inside the one of a face.
+PARTS = ("cameras", "lights")
+
 
 def remove_face(context: bpy.types.Context, face: bpy.types.Object) -> None:
     """Delete a face with its cameras, lights and what only they use."""
-    homes = list(face.users_collection)
+    homes = _homes(face, face.name)
     empty = rig.find(face)
     if empty is not None:
         _remove_rig(context, empty)
+    rig.free_children(context, [face])
     _purge_face(face)
-    _remove_empty(context, homes)
+    _remove_empty(homes)
 
 
 def leftovers(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -38,12 +42,12 @@ def remove_leftovers(context: bpy.types.Context) -> int:
     count = 0
     for empty in leftovers(context):
         face = rig.face_of_rig(empty)
-        homes = list(empty.users_collection)
+        homes = _homes(empty, "" if face is None else face.name)
         count += 1 + _remove_rig(context, empty)
         if face is not None:
             # Only our own pointers kept the deleted face alive.
             _purge_face(face)
-        _remove_empty(context, homes)
+        _remove_empty(homes)
     return count
 
 
@@ -54,7 +58,7 @@ def _is_in_use(context: bpy.types.Context, face: bpy.types.Object | None) -> boo
 
 def _remove_rig(context: bpy.types.Context, empty: bpy.types.Object) -> int:
     """Delete a rig with its cameras and suns; how many those were."""
-    parts = list(empty.children)
+    parts = rig.own(empty)
     if context.scene.camera in parts:
         cameras.leave_views(context)
     images = [
@@ -64,6 +68,7 @@ def _remove_rig(context: bpy.types.Context, empty: bpy.types.Object) -> int:
         for slot in obj.data.background_images
     ]
     data = [obj.data for obj in parts]
+    rig.free_children(context, [*parts, empty])
     bpy.data.batch_remove([*parts, empty])
     _remove_unused(data)
     _remove_unused(images)
@@ -72,6 +77,10 @@ def _remove_rig(context: bpy.types.Context, empty: bpy.types.Object) -> int:
 
 def _purge_face(face: bpy.types.Object) -> None:
     curve, own, images = face.data, material.existing(face), material.images(face)
+    if own is not None and own.users > 1:
+        # A mesh of the face keeps the material, and nothing could change its map.
+        has_skin = material.stored_map(face, "SKIN") is not None
+        material.show(face, "SKIN" if has_skin else "PLAIN")
     for scene in bpy.data.scenes:
         if scene.bsface.face == face:
             scene.bsface.face = None
@@ -86,14 +95,22 @@ def _remove_unused(blocks: Iterable[bpy.types.ID | None]) -> None:
     bpy.data.batch_remove([block for block in found if block.users == 0])
 
 
-def _remove_empty(
-    context: bpy.types.Context, homes: Iterable[bpy.types.Collection]
-) -> None:
-    """Delete the collections that the add-on made and that hold nothing now."""
+def _homes(obj: bpy.types.Object, name: str) -> list[bpy.types.Collection]:
+    """Collections of the add-on that an object of a face is in, innermost first."""
+    found = []
+    for home in obj.users_collection:
+        parts = [child for child in home.children if child.get(MARK) in PARTS]
+        # In files of before the outer one has its name only.
+        named = home.name == f"BSface {name}" or (
+            parts and home.name.startswith("BSface ")
+        )
+        ours = home.get(MARK) == "face" or named
+        found += [*parts, home] if ours else parts
+    return found
+
+
+def _remove_empty(homes: Iterable[bpy.types.Collection]) -> None:
+    """Delete collections of the add-on that hold nothing now."""
     for home in homes:
-        if home == context.scene.collection:
-            continue
-        for child in [*home.children, home]:
-            ours = child.get(MARK) or child.name.startswith("BSface ")
-            if ours and not child.all_objects and not child.children:
-                bpy.data.collections.remove(child)
+        if not home.all_objects and not home.children:
+            bpy.data.collections.remove(home)

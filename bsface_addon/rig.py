@@ -7,6 +7,8 @@ cameras.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
+
 import bpy
 from mathutils import Matrix
 
@@ -16,6 +18,8 @@ from . import coordinates, messages
 MARK = "bsface"
 NAME = "rig"
 PHOTO_KEY = "bsface_photo"
+# On the rig: pointers to the cameras and suns that the add-on has made.
+MADE = "bsface_made"
 
 
 def is_rig(obj: bpy.types.Object) -> bool:
@@ -80,7 +84,8 @@ def attach(obj: bpy.types.Object, rig: bpy.types.Object, pose: Matrix) -> None:
     obj.parent = rig
     # Head axes, but the scene's lengths: the rig has the face's own scale.
     turn = frame.to_quaternion().to_matrix().to_4x4()
-    scale = face.matrix_world.to_scale().x
+    # Mirrored faces have negative scales.
+    scale = abs(face.matrix_world.to_scale().x)
     if scale == 0:
         raise ReconstructionError(messages.NO_SIZE.format(name=face.name))
     obj.matrix_parent_inverse = turn @ Matrix.Scale(1 / scale, 4)
@@ -92,12 +97,47 @@ def attach(obj: bpy.types.Object, rig: bpy.types.Object, pose: Matrix) -> None:
 def members(face: bpy.types.Object, kind: str) -> list[bpy.types.Object]:
     """Objects of a type ("CAMERA", "LIGHT") on the rig, by name."""
     rig = find(face)
-    if rig is None:
-        return []
-    # The user may write anything into a custom property.
-    found = [
-        obj
-        for obj in rig.children
-        if obj.type == kind and isinstance(obj.get(PHOTO_KEY), str)
-    ]
+    found = [] if rig is None else [obj for obj in own(rig) if obj.type == kind]
     return sorted(found, key=lambda obj: obj.name)
+
+
+def own(rig: bpy.types.Object) -> list[bpy.types.Object]:
+    """Cameras and suns that the add-on made; what else is on the rig is the user's.
+
+    A copy of a camera is the user's too, though it has all properties of the camera.
+    """
+    # The user may write anything into a custom property.
+    parts = [obj for obj in rig.children if isinstance(obj.get(PHOTO_KEY), str)]
+    known = rig.get(MADE)
+    if hasattr(known, "values"):
+        made = list(known.values())
+        noted = [obj for obj in parts if obj in made]
+        if noted:
+            return noted
+    # A file of before: Blender counts the names of copies up.
+    first = {}
+    for obj in sorted(parts, key=lambda obj: obj.name):
+        first.setdefault((obj.type, obj[PHOTO_KEY]), obj)
+    return list(first.values())
+
+
+def is_own(obj: bpy.types.Object) -> bool:
+    """Whether an object is a camera or sun that the add-on has put on a rig."""
+    return obj.parent is not None and is_rig(obj.parent) and obj in own(obj.parent)
+
+
+def note(rig: bpy.types.Object, parts: Iterable[bpy.types.Object]) -> None:
+    """Remember which cameras and suns on a rig the add-on has made."""
+    rig[MADE] = {str(number): obj for number, obj in enumerate(parts)}
+
+
+def free_children(
+    context: bpy.types.Context, parents: Collection[bpy.types.Object]
+) -> None:
+    """Take what the user hung on objects off them; it stays at its place."""
+    context.view_layer.update()
+    for obj in bpy.data.objects:
+        if obj.parent in parents and obj not in parents:
+            place = obj.matrix_world.copy()
+            obj.parent = None
+            obj.matrix_world = place

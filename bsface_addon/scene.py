@@ -21,9 +21,9 @@ from . import (
     lights,
     material,
     photo_expression,
+    renewal,
     rig,
     shape_keys,
-    skin_overlay,
     surface_object,
 )
 from .solving import Outcome
@@ -64,7 +64,7 @@ def place(
         Name of a new face; its collection is called ``BSface <name>``.
     face : bpy.types.Object, optional
         A face made earlier: it is updated in place (its own name, matrix and
-        materials stay) and its cameras and lights are replaced.
+        materials stay), and so are the cameras and lights of its photos.
     scale : float
         Size of a new face; 1 is life size.
     select : bool
@@ -91,8 +91,10 @@ def place(
             own = _home(context, face)
         context.view_layer.update()
         parent = rig.ensure(face, own)
-        _add_cameras(face, parent, outcome, own)
-        _add_lights(face, parent, result, own)
+        made = [
+            *_add_cameras(face, parent, outcome, own),
+            *_add_lights(face, parent, result, own),
+        ]
         material.own(face, (o for o in bpy.data.objects if o != face and is_face(o)))
         for kind, found in maps.items():
             material.store_map(face, kind, found)
@@ -102,7 +104,8 @@ def place(
         _write_facts(face, outcome)
         if not fresh:
             shape_keys.write(context, face, points)
-            _replace(context, face, old)
+            made = renewal.renewed(context, face, old, made)
+        rig.note(parent, made)
     if select:
         leave_edit_mode(context)
         select_only(context, face)
@@ -238,9 +241,9 @@ def _extent(face: bpy.types.Object) -> tuple[float, float]:
 
 
 def _add_cameras(face, parent, outcome, own):
-    result = outcome.result
+    result, made = outcome.result, []
     if not result.cameras:
-        return
+        return made
     group = _child_collection(own, "cameras")
     for camera, photo in zip(result.cameras, result.photos, strict=True):
         turn = outcome.turns.get(photo.name)
@@ -249,16 +252,21 @@ def _add_cameras(face, parent, outcome, own):
         )
         if photo.name in outcome.skin:
             view[cameras.SKIN_KEY] = outcome.skin[photo.name]
+        made.append(view)
+    return made
 
 
 def _add_lights(face, parent, result, own):
     if result.photometric is None:
-        return
+        return []
     group = _child_collection(own, "lights")
     found = zip(result.photometric.lights, result.photos, strict=True)
-    for coefficients, photo in found:
-        name = f"{face.name} light {photo.name}"
-        lights.add(parent, name, coefficients, photo.name, group)
+    return [
+        lights.add(
+            parent, f"{face.name} light {photo.name}", coefficients, photo.name, group
+        )
+        for coefficients, photo in found
+    ]
 
 
 def _write_facts(face, outcome):
@@ -270,6 +278,7 @@ def _write_facts(face, outcome):
 
 def _collection(context, face):
     collection = bpy.data.collections.new(f"BSface {face.name}")
+    collection[MARK] = "face"
     context.scene.collection.children.link(collection)
     return collection
 
@@ -290,45 +299,10 @@ def _child_collection(own, what):
     return child
 
 
-def _replace(context, face, old):
-    """Let the new cameras and lights take the places of the old ones."""
-    key = cameras.PHOTO_KEY
-    names = {obj: (obj.type, obj[key]) for obj in old}
-    through = names.get(context.scene.camera)
-    found = [*cameras.of_face(face), *lights.of_face(face)]
-    new = {(obj.type, obj[key]): obj for obj in found if obj not in names}
-    for obj, name in names.items():
-        if name in new:
-            cameras.keep_state(obj, new[name])
-        if obj.type == "CAMERA":
-            skin_overlay.hide(obj)
-    if through is not None and through not in new:
-        cameras.leave_views(context)
-    _remove(old)
-    if through in new:
-        context.scene.camera = new[through]
-        photo_expression.show(face, through[1])
-    else:
-        photo_expression.hide(face)
-    for obj in new.values():
-        obj.name = obj.data.name = _child_name(face, obj)
-
-
 def _move(obj, collection):
     for other in obj.users_collection:
         other.objects.unlink(obj)
     collection.objects.link(obj)
-
-
-def _child_name(face, obj):
-    middle = " light " if obj.type == "LIGHT" else " "
-    return f"{face.name}{middle}{obj[cameras.PHOTO_KEY]}"
-
-
-def _remove(objects):
-    data = [obj.data for obj in objects]
-    bpy.data.batch_remove(objects)
-    bpy.data.batch_remove([d for d in data if d.users == 0])
 
 
 def select_only(context, face):

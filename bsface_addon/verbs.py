@@ -6,6 +6,7 @@ needs it.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from pathlib import Path
 
@@ -23,6 +24,10 @@ def reconstruct(options):
     from .console import Console
     from .request import from_panel, parsed
 
+    if options.out and options.output:
+        raise ReconstructionError(
+            f"Give one name for the result, not {options.out} and {options.output}."
+        )
     given = options.output or options.out or ""
     output = Path(given)
     if output.suffix.lower() != ".blend":
@@ -190,7 +195,7 @@ def _write(bpy, output, outcome, options):
         _relative_images(bpy, output.resolve().parent)
         temporary.unlink()  # or Blender keeps it as a backup, .blend1
         bpy.ops.wm.save_as_mainfile(
-            filepath=str(temporary.resolve()), compress=True, relative_remap=False
+            filepath=str(temporary.resolve()), compress=True, relative_remap=True
         )
     if options.npz:
         written.append(outcome.result.save(options.npz))
@@ -208,14 +213,20 @@ def _write(bpy, output, outcome, options):
 
 
 def _relative_images(bpy, folder):
-    """Photos are found again when the file moves together with them."""
+    """Photos are found again when the file moves together with them.
+
+    Paths that are relative already are Blender's to keep right, as those of libraries
+    are: it takes them for relative to the file that was opened.
+    """
+    opened = bpy.data.filepath
+    start = str(Path(opened).resolve().parent) if opened else str(folder)
     for image in bpy.data.images:
-        if image.source == "FILE" and image.filepath and not image.packed_file:
-            path = bpy.path.abspath(image.filepath)
-            try:
-                image.filepath = bpy.path.relpath(path, start=str(folder))
-            except ValueError:
-                image.filepath = path  # on another drive
+        path = image.filepath
+        if image.source != "FILE" or image.packed_file or not path:
+            continue
+        if not path.startswith("//"):
+            with contextlib.suppress(ValueError):  # on another drive
+                image.filepath = bpy.path.relpath(path, start=start)
 
 
 def _facts(face, result, written, say):

@@ -58,6 +58,24 @@ def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, v
         np.testing.assert_allclose(pixels, camera.project(head), atol=2e-3)
 
 
+def test_cameras_of_a_mirrored_face_see_it_mirrored(empty_scene, tmp_path):
+    result = faces.reconstruction(tmp_path)
+    face = scene.place(bpy.context, Outcome.of(result), "Ann")
+    face.scale = (-1, 1, 1)
+    bpy.context.view_layer.update()
+    scene.place(bpy.context, Outcome.of(result), "Ann", face=face)
+    head = np.random.default_rng(3).uniform(-70, 70, (20, 3))
+    for obj, camera in zip(cameras.of_face(face), result.cameras, strict=True):
+        assert 0 < obj.data.clip_start < 1 < obj.data.clip_end
+        cameras.look_through(bpy.context, obj)
+        bpy.context.view_layer.update()
+        points = [coordinates.world_frame(face) @ Vector(q) for q in head]
+        seen = [world_to_camera_view(empty_scene, obj, point) for point in points]
+        width, height = faces.SIZE
+        pixels = [(p.x * width - 0.5, (1 - p.y) * height - 0.5) for p in seen]
+        np.testing.assert_allclose(pixels, camera.project(head), atol=2e-3)
+
+
 def test_cameras_are_not_scaled_and_see_the_face(empty_scene, tmp_path):
     face = scene.place(bpy.context, Outcome.of(faces.reconstruction(tmp_path)), "Ann")
     assert all(obj.hide_viewport for obj in cameras.of_face(face))

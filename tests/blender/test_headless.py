@@ -51,6 +51,43 @@ def test_no_photo_is_written_over(addon, solved, tmp_path, capfd):
     assert photo.read_bytes() == before and not (tmp_path / "a.blend").exists()
 
 
+def test_two_names_for_the_result_are_refused(addon, tmp_path, capfd):
+    given = [str(tmp_path), str(tmp_path / "a.blend"), "-o", str(tmp_path / "b.blend")]
+    assert headless.main(given) == 1
+    assert "Give one name for the result" in capfd.readouterr().err
+
+
+def test_an_opened_file_keeps_its_libraries_and_pictures(addon, solved, tmp_path):
+    """Written into another folder, it goes on finding what it found before."""
+    shelf = tmp_path / "shelf"
+    shelf.mkdir()
+    bpy.data.objects.new("prop", None).use_fake_user = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(shelf / "props.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(shelf / "mine.blend"))
+    library = str(shelf / "props.blend")
+    with bpy.data.libraries.load(library, link=True, relative=True) as (_, into):
+        into.objects = ["prop"]
+    bpy.context.scene.collection.objects.link(into.objects[0])
+    for name, source in (("walk.0001.png", "SEQUENCE"), ("tile.1001.png", "TILED")):
+        (shelf / name).write_bytes((tmp_path / "photos" / "0.png").read_bytes())
+        picture = bpy.data.images.load(str(shelf / name))
+        picture.source, picture.use_fake_user = source, True
+        picture.filepath = f"//{name.replace('1001', '<UDIM>')}"
+    bpy.ops.wm.save_as_mainfile(filepath=str(shelf / "mine.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(shelf / "mine.blend"))
+    out = tmp_path / "out" / "deep" / "ann.blend"
+    assert headless.main([str(tmp_path / "photos"), str(out), "--quiet"]) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(out))
+    paths = [library.filepath for library in bpy.data.libraries]
+    paths += [i.filepath for i in bpy.data.images if i.filepath and not i.packed_file]
+    assert len(paths) == 6
+    for path in paths:
+        assert path.startswith("//"), path
+        real = Path(bpy.path.abspath(path.replace("<UDIM>", "1001")))
+        assert real.is_file(), path
+
+
 def test_json_and_info(addon, solved, tmp_path, capfd):
     blend = tmp_path / "ann.blend"
     given = ["reconstruct", str(tmp_path / "photos"), "-o", str(blend), "--json"]

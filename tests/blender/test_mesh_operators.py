@@ -111,3 +111,14 @@ def test_arkit_keys_add_up_on_the_surface(face):
     # Once more: the same keys, not twice as many.
     bpy.ops.bsface.arkit_keys()
     assert len(blocks) == 53
+
+
+def test_a_mesh_shows_the_skin_when_its_face_is_gone(face):
+    grey = maps.painted(np.zeros((8, 8, 3), np.uint8), load_template().outline_uv)
+    material.store_map(face, "SKIN", grey)
+    bpy.ops.bsface.surface_to_mesh(density="LOW", keys=False)
+    bpy.ops.bsface.surface_map(kind="NORMALS")
+    bpy.ops.bsface.face_remove()
+    (skin, *_) = bpy.data.objects["Ann mesh"].data.materials
+    assert skin[material.KIND_KEY] == "SKIN"
+    assert skin.node_tree.nodes["Skin"].inputs["Base Color"].is_linked

@@ -62,6 +62,24 @@ def test_a_linked_face_is_read_but_not_changed(brought, tmp_path, way):
     assert bpy.ops.bsface.surface_symmetrise() == {"FINISHED"}
 
 
+@pytest.mark.parametrize("way", ["linked", "override"])
+@pytest.mark.parametrize("name", ["surface_to_mesh", "full_head"])
+def test_a_mesh_of_a_face_in_a_linked_collection(face, tmp_path, way, name):
+    path = str(tmp_path / "people.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    now = bpy.context.scene
+    with bpy.data.libraries.load(path, link=True) as (_, into):
+        into.collections = ["BSface Ann"]
+    (home,) = into.collections
+    now.collection.children.link(home)
+    if way == "override":
+        home = home.override_hierarchy_create(now, bpy.context.view_layer)
+    bpy.context.view_layer.objects.active = home.objects["Ann"]
+    assert getattr(bpy.ops.bsface, name)(density="LOW", keys=False) == {"FINISHED"}
+    assert [obj.type for obj in now.collection.objects] == ["MESH"]
+
+
 def test_an_appended_face_is_refitted_to_its_own_photos(brought, solved):
     ann = brought(link=False)
     assert bpy.ops.bsface.surface_refit() == {"FINISHED"}
