@@ -25,6 +25,7 @@ from .images.sources import (
     Photos,
     check_names,
     ignored_names,
+    is_name_of,
     photo_sources,
 )
 from .landmarks.candidates import CandidateReader
@@ -225,8 +226,8 @@ def collect_photos(
     sources, hints = photo_sources(photos, inputs.recursive)
     known = [name for name, _ in sources]
     check_names(inputs.ignore, known, "leave out")
-    check_names(list(inputs.landmarks), known, "have the given landmarks")
-    check_names(list(inputs.masks), known, "have the given mask")
+    hints += _of_no_photo("landmarks", inputs.landmarks, known)
+    hints += _of_no_photo("masks", inputs.masks, known)
     reader = CandidateReader(
         template, settings, inputs.landmarks, inputs.models, inputs.masks
     )
@@ -281,6 +282,23 @@ def collect_photos(
 def _tell(progress: Progress | None, done: int, total: int, message: str) -> None:
     if progress is not None:
         progress(Step("landmarks", done, total, done / total, message))
+
+
+def _of_no_photo(
+    what: str, given: Mapping[str, object], known: Sequence[str]
+) -> tuple[str, ...]:
+    """What was given for photos that are not there: all of it is refused, some told.
+
+    A table of a whole collection may go with some of its photos; a misspelt name must
+    not pass without a word.
+    """
+    surplus = [name for name in given if not is_name_of(name, known)]
+    if surplus and len(surplus) == len(given):
+        check_names(surplus, known, f"have the given {what}")
+    if not surplus:
+        return ()
+    named = ", ".join(surplus[:5]) + (" ..." if len(surplus) > 5 else "")
+    return (f"No photo has the name of these given {what}: {named}.",)
 
 
 def _drawings(used: Sequence[Candidate]) -> tuple[str, ...]:
