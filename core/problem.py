@@ -117,8 +117,7 @@ class Problem:
     @property
     def distance_mm(self) -> float:
         """Typical distance of the cameras in the template's frame, mm."""
-        size = self.template.eye_distance / self.settings.eye_distance_mm
-        return size * self.settings.distance_mm
+        return self.settings.distance_from(self.template.eye_distance)
 
 
 @dataclass(frozen=True, eq=False)

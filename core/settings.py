@@ -63,9 +63,9 @@ class Settings:
     perspective : bool
         False: scaled orthography, the camera of section 2.3.1.
     distance_mm : float
-        Typical distance between camera and head, in the millimetres of the result, so
-        of ``eye_distance_mm``; each photo finds its own about it. A photo whose file
-        names its focal length does not need it.
+        Typical distance between camera and head, for a face with 62 mm between the
+        eyes and in proportion for others; each photo finds its own about it. A photo
+        whose file names its focal length does not need it.
     expressions : bool
         Let every photo have its own expression; the result is the calmest one.
     landmark_offset_mm : float
@@ -112,7 +112,7 @@ class Settings:
     detector: bool = True
     one_person: bool = True
     perspective: bool = True
-    #: At 62 mm between the eyes; 1.2 m in the template's frame, where it was measured.
+    # 1.2 m in the template's frame, where it was measured.
     distance_mm: float = 1290.0
     expressions: bool = True
     landmark_offset_mm: float = 3.0
@@ -163,6 +163,10 @@ class Settings:
             if value != int(value):
                 raise ValueError(f"{name} must be a whole number, got {value}.")
             set_(name, int(value))
+
+    def distance_from(self, eye_distance: float) -> float:
+        """Typical distance of the cameras from a face of this eye distance, mm."""
+        return self.distance_mm * eye_distance / Settings.eye_distance_mm
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, ready for JSON."""

@@ -134,7 +134,7 @@ def track(
     settings = Settings.of(face.settings if settings is None else settings)
     inputs = Inputs(face.template, {} if landmarks is None else landmarks, ignore)
     collection = collect_photos(_sources(photos), settings, inputs, progress)
-    options = MotionOptions.from_settings(settings)
+    options = _motion_options(settings, face)
     known = known_face(face.surface, face.template, options, _source_photos(face))
     found: list[TrackedPhoto] = []
     failures = list(collection.failures)
@@ -158,7 +158,7 @@ def _track_photo(
 ) -> TrackedPhoto | PhotoFailure:
     """The known face in one photo."""
     template = face.template
-    options = MotionOptions.from_settings(settings)
+    options = _motion_options(settings, face)
     pixels, weight = _on_index(known, marks, template.schemes[marks.scheme])
     focal_px = believable_focal(photo, pixels, known.landmarks_xyz, weight)
     centre = np.array(principal_point(photo))
@@ -169,7 +169,10 @@ def _track_photo(
     if face.photometric is not None and settings.method != "motion":
         albedo = face.photometric.albedo.mean(1)
         skin = skin_samples(known, face.photometric.uv, albedo)
+        usual = ShadingOptions()
+        size = face.settings.eye_distance_mm / Settings.eye_distance_mm
         shading = ShadingOptions(
+            blurs_mm=tuple(size * blur for blur in usual.blurs_mm),
             noise=settings.intensity_noise,
             independence=settings.independence,
             camera=replace(options.camera, damping=CAMERA_DAMPING),
@@ -184,6 +187,11 @@ def _track_photo(
         known.with_expression(pose.expression),
         pose.residual_mm,
     )
+
+
+def _motion_options(settings: Settings, face: Reconstruction) -> MotionOptions:
+    distance_mm = settings.distance_from(face.settings.eye_distance_mm)
+    return MotionOptions.from_settings(settings, distance_mm)
 
 
 def _on_index(
