@@ -252,3 +252,15 @@ def test_meshes_that_hold_less_than_they_say_are_refused(tmp_path, name, content
     (tmp_path / name).write_bytes(content)
     with pytest.raises(ReconstructionError, match="no vertices can be read"):
         read_mesh_vertices(tmp_path / name)
+
+
+@pytest.mark.parametrize("most", [0, -1, 1.5, True])
+def test_the_most_points_are_a_positive_whole_number(most):
+    with pytest.raises((TypeError, ValueError), match="most must be a whole number"):
+        deviation(face_surface(), np.zeros((3, 3)), most=most)
+
+
+@pytest.mark.parametrize("marks", [[1.5, 2], [], [True, False], 3, ["6"]])
+def test_landmarks_of_a_path_are_whole_numbers(marks):
+    with pytest.raises(ValueError, match="landmarks must be a list of whole numbers"):
+        landmark_path(load_template(), marks)
