@@ -93,6 +93,11 @@ def compare(
         in size only by the eye distance they were given.
     size : int
         Samples along u and v.
+
+    Raises
+    ------
+    TypeError, ValueError
+        What is no surface, or one without any area.
     """
     for surface in (first, second):
         if not isinstance(surface, BSplineSurface):
@@ -110,6 +115,9 @@ def compare(
     uv = np.stack(np.meshgrid(at, at), axis=-1)
     inside = template.inside(uv.reshape(-1, 2)).reshape(size, size)
     area = np.where(inside, _area(a.points), 0.0)
+    for name, maps in (("first", a), ("second", b)):
+        if not _area(maps.points)[inside].sum() > 0:
+            raise ValueError(f"{name} is collapsed to a point or a line; give a face.")
     w = area[inside] / area[inside].sum()
 
     moved = _align(b.points[inside], a.points[inside], w, keep_size)

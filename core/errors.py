@@ -118,6 +118,9 @@ class PhotoFailure:
     reason: str
 
     def __post_init__(self) -> None:
+        if not isinstance(self.reason, str):
+            kind = type(self.reason).__name__
+            raise TypeError(f"reason must be a sentence, not {kind}.")
         object.__setattr__(self, "code", FailureCode(self.code))
         object.__setattr__(self, "reason", one_line(self.reason))
 

@@ -28,6 +28,7 @@ from .images.sources import (
     is_name_of,
     photo_sources,
 )
+from .kinds import SWITCH, expect
 from .landmarks.candidates import CandidateReader
 from .landmarks.face_models import ModelFiles
 from .landmarks.face_selection import Candidate
@@ -37,7 +38,7 @@ from .landmarks.large_photos import few_large
 from .landmarks.observations import observe_landmarks
 from .problem import Constraint, PhotoCollection, Problem
 from .progress import Progress, Step
-from .settings import NUMBER, Settings
+from .settings import NET_LIMITS, Settings
 from .surface.alignment import head_frame
 from .surface.bspline import BSplineSurface
 from .surface.edited import edited_template
@@ -79,6 +80,7 @@ class Inputs:
     masks: Mapping[str, Array32] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        expect(SWITCH, "true or false", recursive=self.recursive)
         object.__setattr__(self, "ignore", ignored_names(self.ignore))
         object.__setattr__(self, "masks", given_masks(self.masks))
         if not isinstance(self.landmarks, Mapping):
@@ -91,12 +93,6 @@ class Inputs:
             raise TypeError(
                 "constraint must be a Constraint, not "
                 f"{type(self.constraint).__name__}."
-            )
-        soft = 0.0 if self.constraint is None else self.constraint.softness_mm
-        if not isinstance(soft, NUMBER) or not 0 <= soft < np.inf:
-            raise ValueError(
-                "The softness of a constraint must be a length in millimetres, 0 or "
-                f"more, not {soft!r:.40}."
             )
         for name, marks in self.landmarks.items():
             if not isinstance(marks, Landmarks):
@@ -180,6 +176,13 @@ def as_template(given: TemplateLike | None, settings: Settings) -> Template:
     the bundled template.
     """
     if isinstance(given, BSplineSurface):
+        low, high = NET_LIMITS
+        if min(given.shape) < low or max(given.shape) > high:
+            m, n = given.shape
+            raise ReconstructionError(
+                f"The surface that was given as the template has {m} x {n} control "
+                f"points; give one of {low} x {low} to {high} x {high}."
+            )
         try:
             return edited_template(given, load_template())
         except ValueError as error:

@@ -21,7 +21,7 @@ from .landmarks.observations import LandmarkObservations
 from .photometry.lighting import PhotometricEvidence
 from .photometry.skin import SkinMask
 from .progress import CheckCancelled
-from .settings import Settings
+from .settings import NUMBER, Settings
 from .surface.bspline import BSplineSurface
 from .surface.prior import ShapePrior
 from .surface.template import Template
@@ -40,10 +40,33 @@ class Constraint:
         Which of the template's control points.
     softness_mm : float
         Standard deviation of their places; 0 holds them hard.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is no such array, and a softness that is no length.
     """
 
     points: Mask
     softness_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        points = np.asarray(self.points)
+        # 0 and 1 are as good; indices and measurements would hold other points.
+        fits = points.ndim == 2 and points.dtype.kind in "biuf"
+        if not fits or not ((points == 0) | (points == 1)).all():
+            raise ValueError(
+                "points must be an (M, N) array of true and false, one for each "
+                f"control point, not {points.dtype} of shape {points.shape}."
+            )
+        object.__setattr__(self, "points", points.astype(bool))
+        soft = self.softness_mm
+        number = isinstance(soft, NUMBER) and not isinstance(soft, bool)
+        if not number or not 0 <= soft < np.inf:
+            raise ValueError(
+                "The softness of a constraint must be a length in millimetres, 0 or "
+                f"more, not {soft!r:.40}."
+            )
 
     @property
     def precision(self) -> Array:

@@ -15,7 +15,9 @@ import numpy.typing as npt
 from ._types import Array
 from .camera.camera import Camera
 from .errors import ReconstructionError
+from .kinds import expect, expect_number, real_numbers
 from .result import Reconstruction
+from .settings import LIMITS
 from .surface.alignment import eye_centres, eye_distance
 from .surface.bspline import BSplineSurface, grid_parameters
 
@@ -39,6 +41,14 @@ class TrueSize:
 
     factor: float
     uncertainty: float
+
+    def __post_init__(self) -> None:
+        expect_number(factor=self.factor, uncertainty=self.uncertainty)
+        if not 0 < self.factor < np.inf or not 0 <= self.uncertainty < np.inf:
+            raise ValueError(
+                "factor must be positive and uncertainty 0 or more, not "
+                f"{self.factor:g} and {self.uncertainty:g}."
+            )
 
     @property
     def percent(self) -> float:
@@ -75,7 +85,14 @@ def size_from_eye_distance(
         The measurement and its standard deviation; an optician's pupil distance is
         good to half a millimetre.
     """
+    _check_face(face)
     _check_length("eye distance", measured_mm, sigma_mm)
+    low, high = LIMITS["eye_distance_mm"]
+    if not low <= measured_mm <= high:
+        raise ReconstructionError(
+            f"The eye distance must lie between {low:g} and {high:g} mm, not "
+            f"{measured_mm:g}."
+        )
     own = eye_distance(face.surface, face.template)
     return TrueSize(measured_mm / own, sigma_mm / own)
 
@@ -108,9 +125,10 @@ def size_from_points(
     ReconstructionError
         When the photo is not used, or a point does not lie on the face.
     """
+    _check_face(face)
     _check_length("distance of the points", length_mm, sigma_mm)
+    clicked = _clicks(pixels, "pixels", click_px)
     camera = _camera(face, photo)
-    clicked = np.asarray(pixels, float).reshape(2, 2)
 
     hits = [_hit(face.surface, camera, p, photo) for p in clicked]
     apart = hits[1][0] - hits[0][0]
@@ -151,8 +169,9 @@ def size_from_iris(
     ReconstructionError
         When the photo is not used or the clicks are no iris.
     """
+    _check_face(face)
+    clicked = _clicks(edges, "edges", click_px)
     camera = _camera(face, photo)
-    clicked = np.asarray(edges, float).reshape(2, 2)
     centres = eye_centres(face.surface, face.template)
     seen = camera.project(centres)
     eye = int(np.linalg.norm(seen - clicked.mean(axis=0), axis=1).argmin())
@@ -170,7 +189,23 @@ def size_from_iris(
     return TrueSize(IRIS_MM / own, relative * IRIS_MM / own)
 
 
+def _check_face(face: Reconstruction) -> None:
+    expect(Reconstruction, "a Reconstruction", face=face)
+
+
+def _clicks(given: npt.ArrayLike, name: str, click_px: float) -> Array:
+    """Two points in a photo, checked with their standard deviation."""
+    expect_number(click_px=click_px)
+    if not 0 <= click_px < np.inf:
+        raise ValueError(f"click_px must be 0 or more pixels, not {click_px:g}.")
+    found = real_numbers(given, name)
+    if found.shape != (2, 2) or not np.isfinite(found).all():
+        raise ValueError(f"{name} must be two finite points (2, 2), not {found.shape}.")
+    return found
+
+
 def _check_length(what: str, value: float, sigma: float) -> None:
+    expect_number(length=value, sigma_mm=sigma)
     if not 0 < value < 1000 or not 0 <= sigma < value:
         raise ReconstructionError(
             f"The {what} must be a length in millimetres with a smaller uncertainty, "

@@ -20,6 +20,8 @@ CHOICES: dict[str, tuple] = {
 SWITCHES = ("detector", "one_person", "perspective", "expressions", "shadows")
 WHOLE = ("light_degree", "iterations", "outer_passes")
 
+#: Control points along each side of the net.
+NET_LIMITS = (8, 120)
 # Inclusive limits of the numeric settings, for validation and for user interfaces.
 LIMITS: dict[str, tuple[float, float]] = {
     "eye_distance_mm": (1.0, 1000.0),
@@ -138,7 +140,9 @@ class Settings:
             set_("landmarks", str(self.landmarks))
         for name, allowed in CHOICES.items():
             value = getattr(self, name)
-            if isinstance(value, bool) or value not in allowed:
+            if not isinstance(value, str | int | np.integer | float) or (
+                isinstance(value, bool) or value not in allowed
+            ):
                 raise ValueError(
                     f"{name} must be one of {', '.join(map(str, allowed))}, got "
                     f"{_short(value)}."
@@ -205,16 +209,17 @@ class Settings:
 def _net(value: Any) -> tuple[int, int]:
     """Size of the control net, checked."""
     numbers = list(value) if isinstance(value, (tuple, list, np.ndarray)) else []
+    low, high = NET_LIMITS
     fits = len(numbers) == 2 and all(
         isinstance(x, NUMBER)
         and not isinstance(x, bool)
-        and 8 <= x <= 120
+        and low <= x <= high
         and x % 1 == 0
         for x in numbers
     )
     if not fits:
         raise ValueError(
-            "control_points must be two whole numbers from 8 to 120, got "
+            f"control_points must be two whole numbers from {low} to {high}, got "
             f"{_short(value)}."
         )
     return int(numbers[0]), int(numbers[1])

@@ -213,8 +213,9 @@ def _source_photos(face: Reconstruction) -> SourcePhotos | None:
 
 def _sources(photos: Photos | np.ndarray) -> Photos:
     """One photo is a sequence of one."""
-    if isinstance(photos, np.ndarray):
-        return [photos] if photos.ndim == 3 else list(photos)
+    if isinstance(photos, np.ndarray) and photos.ndim != 4:
+        # Other shapes are refused in the words of `photo_sources`.
+        return [photos] if photos.ndim == 3 else photos
     if isinstance(photos, str | os.PathLike) and Path(photos).is_file():
         return [photos]
     return photos

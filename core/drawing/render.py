@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array
+from ..errors import ReconstructionError
 from ..progress import CheckCancelled, never_cancelled
 from ..surface.bspline import BSplineSurface
 from ..surface.template import Template
@@ -247,6 +248,11 @@ def face_views(
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     rotations = [view_rotation(view) for view in views]
     turned = [(points - middle) @ rotation.T for rotation in rotations]
+    if not min(max(np.ptp(p[:, k]) for p in turned) for k in (0, 1)) > 0:
+        raise ReconstructionError(
+            "The surface is collapsed to a point or a line and cannot be drawn; give a "
+            "face."
+        )
     mm_per_pixel = max(np.ptp(p[:, 1]) for p in turned) / (0.94 * height)
     found = []
     for rotation, p in zip(rotations, turned, strict=True):

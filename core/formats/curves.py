@@ -74,9 +74,9 @@ def landmark_path(template: Template, landmarks: Sequence[int]) -> Array:
         Numbers of the 468 in order.
     """
     numbers = np.asarray(landmarks)
-    if numbers.size and (
-        numbers.min() < 0 or numbers.max() >= len(template.landmark_uv)
-    ):
+    if numbers.ndim != 1 or numbers.dtype.kind not in "iu" or not numbers.size:
+        raise ValueError("landmarks must be a list of whole numbers, such as [6, 198]")
+    if numbers.min() < 0 or numbers.max() >= len(template.landmark_uv):
         raise ValueError(
             f"landmarks have numbers from 0 to {len(template.landmark_uv) - 1}"
         )

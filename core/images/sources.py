@@ -14,7 +14,7 @@ from ..errors import ReconstructionError, one_line
 from .folder import is_video, nothing_found, scan_folder
 
 #: What `reconstruct` takes as photos: a folder, or a sequence of paths or arrays.
-Photos = str | os.PathLike | Sequence
+Photos = str | os.PathLike | Sequence | np.ndarray
 #: Names with paths or arrays.
 Sources = list[tuple[str, Path | np.ndarray]]
 

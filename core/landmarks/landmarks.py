@@ -96,7 +96,18 @@ class Landmarks:
             )
 
     def subset(self, scheme: str, indices: np.ndarray) -> Landmarks:
-        """The points of a smaller scheme, given where they stand in this one."""
+        """The points of a smaller scheme, given where they stand in this one.
+
+        Raises
+        ------
+        ValueError
+            When the indices are no whole numbers of points that are there.
+        """
+        indices = np.asarray(indices)
+        if indices.ndim != 1 or indices.dtype.kind not in "iu":
+            raise ValueError("indices must be a list of whole numbers.")
+        if ((indices < 0) | (indices >= len(self.points))).any():
+            raise ValueError(f"indices must be from 0 to {len(self.points) - 1}.")
         return replace(
             self,
             scheme=scheme,
@@ -170,7 +181,8 @@ def write_landmarks(
     Raises
     ------
     ValueError
-        The file's ending, or one that cannot hold these landmarks.
+        The file's ending, or one that cannot hold these landmarks; `LandmarkFileError`
+        for what `read_landmarks` would refuse.
     ReconstructionError
         The file cannot be written.
     """
@@ -178,6 +190,11 @@ def write_landmarks(
     expect(Landmarks, "Landmarks", landmarks=landmarks)
     image_size = _picture_size(image_size, "image_size")
     path = Path(path)
+    fault = _fault_of_points(landmarks.points) or _fault_of_weights(landmarks.weight)
+    if fault:
+        raise LandmarkFileError(
+            f"{path.name} cannot be written: the set {fault}; correct the landmarks."
+        )
     if path.suffix.lower() == ".json":
         record = {
             "scheme": landmarks.scheme,
@@ -274,11 +291,9 @@ def _parse_json(
         weight = _numbers(path, record["weights"], "weights")
         if weight.shape != (count,):
             raise _bad(path, f"must hold {count} weights or none")
-        fits = np.isfinite(weight) & (weight >= 0) & (weight <= MAX_WEIGHT)
-        if not fits.all():
-            raise _bad(path, f"holds weights outside [0, {MAX_WEIGHT:g}]")
-        if not weight.any():
-            raise _bad(path, "gives every point the weight 0")
+        fault = _fault_of_weights(weight)
+        if fault:
+            raise _bad(path, fault)
     made_for = record.get("image_size")
     if size is not None and made_for is not None and list(size) != made_for:
         raise _bad(
@@ -300,8 +315,24 @@ def _numbers(path: Path, value: object, what: str) -> np.ndarray:
 
 
 def _checked(path: Path, points: np.ndarray) -> np.ndarray:
-    if not np.isfinite(points).all():
-        raise _bad(path, "holds a coordinate that is not a finite number")
-    if np.abs(points).max() > 1e6:
-        raise _bad(path, "holds coordinates that no picture has")
+    fault = _fault_of_points(points)
+    if fault:
+        raise _bad(path, fault)
     return points
+
+
+def _fault_of_points(points: np.ndarray) -> str:
+    """What is wrong with points, as the middle of a sentence; "" if nothing."""
+    if not np.isfinite(points).all():
+        return "holds a coordinate that is not a finite number"
+    if np.abs(points).max() > 1e6:
+        return "holds coordinates that no picture has"
+    return ""
+
+
+def _fault_of_weights(weight: np.ndarray) -> str:
+    """What is wrong with weights; see `_fault_of_points`."""
+    fits = np.isfinite(weight) & (weight >= 0) & (weight <= MAX_WEIGHT)
+    if not fits.all():
+        return f"holds weights outside [0, {MAX_WEIGHT:g}]"
+    return "" if weight.any() else "gives every point the weight 0"

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from .._types import Array, Indices
+from ..kinds import expect
 from ..surface.alignment import fit_similarity
 from .arkit import Face, FaceUnits, feature_sizes, units_for
 from .base_head import BaseHead, base_head, face_region
@@ -69,6 +70,7 @@ def full_head(face: Face, density: str = "medium", *, keys: bool = True) -> Quad
     ValueError
         When the density is unknown.
     """
+    expect(Face, "a face with its template", face=face)
     *_, ball_cells = cells_of(density)
     units = units_for(face)
     base = base_head(density)

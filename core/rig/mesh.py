@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .._types import Array, Indices
+from ..kinds import expect
 from ..surface.bspline import basis_matrix
 from .arkit import (
     Face,
@@ -96,6 +97,7 @@ def quad_mesh(
     ValueError
         When the density is unknown.
     """
+    expect(Face, "a face with its template", face=face)
     nu, nv, ball_cells = cells_of(density)
     units = units_for(face)
     slits = [lid_slit(loop) for loop in units.lids_uv] if eyes else []

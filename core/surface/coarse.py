@@ -21,7 +21,8 @@ import numpy as np
 from scipy import sparse
 
 from .._types import Array
-from .bspline import BSplineSurface, segment_basis
+from ..kinds import real_numbers
+from .bspline import BSplineSurface, net_shape, segment_basis
 
 #: Points of the coarse net: few enough to model with, enough for brows, nose and lips.
 COARSE_SHAPE = (12, 14)
@@ -61,6 +62,7 @@ def coarse_net(surface: BSplineSurface, shape: tuple[int, int] = COARSE_SHAPE) -
     The least-squares approximation of the surface. Only its movement counts, so what it
     smooths away is not lost.
     """
+    shape = net_shape(shape)
     _check(surface, shape)
     return surface.resampled(shape).control_points
 
@@ -135,8 +137,15 @@ def mirrored_edit(before: Array, after: Array, side: str | None = None) -> Array
     """
     if side is not None and side not in SIDES:
         raise ValueError(f"side must be one of {', '.join(SIDES)}, not {side!r}")
-    before, after = np.asarray(before, float), np.asarray(after, float)
+    before, after = real_numbers(before, "before"), real_numbers(after, "after")
+    if before.shape != after.shape or before.ndim != 3 or before.shape[2] != 3:
+        raise ValueError(
+            f"before and after must both be (M, N, 3), not {before.shape} and "
+            f"{after.shape}"
+        )
     movement = after - before
+    if not np.isfinite(movement).all():
+        raise ValueError("before and after must be finite")
     other = movement[::-1] * (-1.0, 1.0, 1.0)
     m = len(movement)
     index = np.arange(m)[:, None]

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array, Mask
+from ..kinds import coordinates, expect, expect_number
 from .bspline import BSplineSurface, dense_basis, unit_normals
 from .template import inside_polygon
 
@@ -53,6 +54,8 @@ def offset(
         When the offset folds, or the finest net is not fine enough. The sentence names
         the limit.
     """
+    expect(BSplineSurface, "a BSplineSurface", surface=surface)
+    expect_number(distance=distance, tolerance=tolerance)
     if not tolerance > 0 or not np.isfinite(distance):
         raise ValueError(
             f"the distance must be finite and the tolerance positive, got {distance} "
@@ -92,6 +95,8 @@ def offset_limit(
     """
     u, v = (_samples(count, 8) for count in surface.shape)
     keep = _kept(u, v, outline_uv)
+    if not keep.any():
+        raise ValueError("outline_uv encloses too little; give a larger outline")
     k_min, k_max = principal_curvatures(surface, u, v)
     most = k_max[keep].max() if outwards else -k_min[keep].min()
     return float(1 / most) if most > 0 else np.inf
@@ -155,8 +160,13 @@ def _samples(count: int, per_span: int) -> Array:
 def _kept(u: Array, v: Array, outline_uv: npt.ArrayLike | None) -> Mask:
     if outline_uv is None:
         return np.ones((len(u), len(v)), bool)
+    outline = coordinates(outline_uv, "outline_uv", 2)
+    if outline.ndim != 2 or len(outline) < 3 or not np.isfinite(outline).all():
+        raise ValueError(
+            f"outline_uv must be finite and (k >= 3, 2), not {outline.shape}"
+        )
     uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
-    return inside_polygon(np.asarray(outline_uv, float), uv)
+    return inside_polygon(outline, uv)
 
 
 def _grid(

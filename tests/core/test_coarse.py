@@ -136,7 +136,7 @@ def test_mirrored_edit_of_the_other_half_alone_is_undone():
 def test_unusable_nets_are_refused():
     surface = load_template().surface
     net = coarse_net(surface)
-    with pytest.raises(ValueError, match="4 to 42 x 44"):
+    with pytest.raises(ValueError, match="4 to 42 x 44|at least 4"):
         coarse_net(surface, (3, 9))
     with pytest.raises(ValueError, match="4 to 42 x 44"):
         coarse_net(surface, (50, 9))
@@ -146,3 +146,16 @@ def test_unusable_nets_are_refused():
         apply_coarse(surface, net, net * np.nan)
     with pytest.raises(ValueError, match="left"):
         mirrored_edit(net, net, "top")
+
+
+@pytest.mark.parametrize("shape", [(12,), 12, (12, 13.5), (12, True)])
+def test_a_coarse_net_has_two_whole_numbers(shape):
+    with pytest.raises(ValueError, match="shape must be two whole numbers"):
+        coarse_net(load_template().surface, shape)
+
+
+@pytest.mark.parametrize("after", [np.full((5, 6, 3), np.nan), np.zeros((5, 6)),
+                                   np.zeros((5, 1, 3)), np.zeros(3)])  # fmt: skip
+def test_edits_that_fit_no_net_are_refused(after):
+    with pytest.raises(ValueError, match="before and after must"):
+        mirrored_edit(np.zeros((5, 6, 3)), after)

@@ -82,3 +82,11 @@ def test_results_in_place_of_their_surfaces():
     face = bare_reconstruction()
     with pytest.raises(TypeError, match=r"such as face\.surface"):
         compare(face, face)
+
+
+def test_a_collapsed_surface_is_no_face():
+    face = load_template().surface
+    flat = BSplineSurface(np.zeros((8, 8, 3)))
+    for pair, name in (((flat, face), "first"), ((face, flat), "second")):
+        with pytest.raises(ValueError, match=f"{name} is collapsed"):
+            compare(*pair, size=16)

@@ -151,3 +151,28 @@ def test_an_edited_surface_that_is_no_face_is_refused(template, change):
     surface = BSplineSurface(change(template.surface.control_points))
     with pytest.raises(ValueError, match="is no face"):
         edited_template(surface, template)
+
+
+@pytest.mark.parametrize(
+    "points, softness, words",
+    [
+        (np.full((12, 12), np.nan), 0.0, "points must be"),
+        ([3, 5, 7], 0.0, "points must be"),
+        ([[3, 5], [7, 9]], 0.0, "points must be"),
+        (np.full((4, 4), "x"), 0.0, "points must be"),
+        (None, 0.0, "points must be"),
+        (np.ones((4, 4), bool), -1.0, "softness"),
+        (np.ones((4, 4), bool), np.nan, "softness"),
+        (np.ones((4, 4), bool), np.inf, "softness"),
+        (np.ones((4, 4), bool), "1", "softness"),
+        (np.ones((4, 4), bool), True, "softness"),
+    ],
+)
+def test_what_is_no_constraint_is_refused(points, softness, words):
+    with pytest.raises((TypeError, ValueError), match=words):
+        Constraint(points, softness)
+
+
+def test_zeros_and_ones_are_as_good_as_false_and_true():
+    held = Constraint(np.eye(4, 5), 1)
+    assert held.points.dtype == bool and held.points.sum() == 4

@@ -190,3 +190,77 @@ def edges_without_face(shape, edge, face):
         found.append(explorer.Current())
         explorer.Next()
     return found
+
+
+CORNERS = np.array([[0.0, 1, 2], [3, 4.5, 5], [-6, 7, 8]])
+HEADER = "ply\nformat {}\ncomment ü\n{}end_header\n"
+VERTEX = "element vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+FACE = "element face 2\nproperty list uchar int vertex_indices\n"
+TEXT = "\n".join(" ".join(map(str, row)) for row in CORNERS) + "\n"
+FACES = "3 0 1 2\n3 2 1 0\n"
+PACKED = (b"\x03" + np.arange(3, dtype="<i4").tobytes()) * 2
+
+
+def stl(extra=b""):
+    record = np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("extra", "<u2")])
+    triangle = np.zeros(1, record)
+    triangle["v"] = CORNERS
+    return bytes(80) + (1).to_bytes(4, "little") + triangle.tobytes() + extra
+
+
+def ply(form, *elements):
+    return HEADER.format(form, "".join(elements)).encode("latin-1")
+
+
+LINES = "".join(f"  v {row}\n" for row in TEXT.splitlines())
+LOOP = "".join(f"vertex {row}\n" for row in TEXT.splitlines())
+ASCII, BINARY = "ascii 1.0", "binary_little_endian 1.0"
+ODD = {
+    "crlf.ply": (ply(ASCII, VERTEX.format(3)) + TEXT.encode()).replace(b"\n", b"\r\n"),
+    "crlf header.ply": ply(BINARY, VERTEX.format(3)).replace(b"\n", b"\r\n")
+    + CORNERS.astype("<f4").tobytes(),
+    "faces first.ply": ply(ASCII, FACE, VERTEX.format(3)) + (FACES + TEXT).encode(),
+    "binary faces first.ply": ply(BINARY, FACE, VERTEX.format(3))
+    + PACKED
+    + CORNERS.astype("<f4").tobytes(),
+    "cr.obj": LINES.replace("\n", "\r").encode(),
+    "crlf.obj": LINES.replace("\n", "\r\n").encode(),
+    "indented.obj": LINES.encode(),
+    "byte behind.stl": stl(b"\n"),
+    "upper.stl": ("solid A\n" + LOOP + "endsolid\n").upper().encode(),
+    "cr.stl": ("solid a\n" + LOOP + "endsolid\n").replace("\n", "\r").encode(),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_unusual_meshes_are_read(tmp_path, name):
+    (tmp_path / name).write_bytes(ODD[name])
+    found = read_mesh_vertices(tmp_path / name)
+    np.testing.assert_allclose(found, np.unique(CORNERS, axis=0))
+
+
+@pytest.mark.parametrize(
+    "name, content",
+    [
+        ("short.ply", ply(ASCII, VERTEX.format(4)) + TEXT.encode()),
+        ("short binary.ply", ply(BINARY, VERTEX.format(4)) + bytes(40)),
+        ("lists.ply", ply(BINARY, FACE, VERTEX.format(3)) + PACKED[:-2]),
+        ("short.stl", stl()[:-1]),
+    ],
+)
+def test_meshes_that_hold_less_than_they_say_are_refused(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ReconstructionError, match="no vertices can be read"):
+        read_mesh_vertices(tmp_path / name)
+
+
+@pytest.mark.parametrize("most", [0, -1, 1.5, True])
+def test_the_most_points_are_a_positive_whole_number(most):
+    with pytest.raises((TypeError, ValueError), match="most must be a whole number"):
+        deviation(face_surface(), np.zeros((3, 3)), most=most)
+
+
+@pytest.mark.parametrize("marks", [[1.5, 2], [], [True, False], 3, ["6"]])
+def test_landmarks_of_a_path_are_whole_numbers(marks):
+    with pytest.raises(ValueError, match="landmarks must be a list of whole numbers"):
+        landmark_path(load_template(), marks)

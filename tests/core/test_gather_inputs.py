@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsface.errors import ReconstructionError
+from bsface.errors import PhotoFailure, ReconstructionError
 from bsface.images.sources import is_name_of, photo_names
 from bsface.prepare import Inputs, collect_photos
 from bsface.problem import Constraint
+from bsface.reconstruct import reconstruct
+from bsface.surface.template import load_template
 from photo_folders import NO_DETECTOR, front_landmarks
 
 
@@ -119,3 +121,21 @@ def test_names_are_unlike_each_other_whatever_the_files_are_called():
 )
 def test_names_of_frames_begin_with_that_of_their_video(name, known):
     assert is_name_of(name, ("a.jpg", "clip.mp4")) == known
+
+
+@pytest.mark.parametrize("value", ["yes", 1, None])
+def test_recursive_is_a_switch_for_lists_too(value):
+    with pytest.raises(TypeError, match="recursive must be true or false"):
+        reconstruct([np.zeros((40, 40, 3), np.uint8)], recursive=value)
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (121, 20)])
+def test_a_template_of_another_size_is_named(shape):
+    surface = load_template().surface.resampled(shape)
+    with pytest.raises(ReconstructionError, match=r"given as the template has \d+ x"):
+        reconstruct([np.zeros((40, 40, 3), np.uint8)], template=surface)
+
+
+def test_the_reason_of_a_failure_is_a_sentence():
+    with pytest.raises(TypeError, match=r"reason must be a sentence, not NoneType\.$"):
+        PhotoFailure("a.jpg", "blurred", None)

@@ -319,3 +319,40 @@ def test_landmarks_are_real_numbers_whatever_they_came_in():
     for bad in (points.astype(str), points.astype(object), points * 1j):
         with pytest.raises(ValueError, match="real numbers"):
             Landmarks("a.jpg", "68", bad, np.ones(68))
+
+
+def spoiled(points=None, weight=None):
+    good = points_like(68)
+    weights = np.ones(68)
+    if points is not None:
+        good[3, 1] = points
+    if weight is not None:
+        weights[:] = weight
+    return Landmarks("a", "68", good, weights)
+
+
+@pytest.mark.parametrize("ending", ["json", "pts"])
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"points": np.nan}, "not a finite number"),
+        ({"points": np.inf}, "not a finite number"),
+        ({"points": 1e9}, "no picture has"),
+        ({"weight": -1.0}, "weights outside"),
+        ({"weight": np.nan}, "weights outside"),
+        ({"weight": 1e9}, "weights outside"),
+        ({"weight": 0.0}, "the weight 0"),
+    ],
+)
+def test_what_would_not_be_read_is_not_written(tmp_path, ending, change, words):
+    with pytest.raises(LandmarkFileError, match=words):
+        write_landmarks(tmp_path / f"a.{ending}", spoiled(**change))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "indices", [[9999] * 68, [-1] * 68, [0.5] * 68, [True] * 68, 3, ["a"] * 68]
+)
+def test_points_that_are_not_there_make_no_subset(indices):
+    with pytest.raises(ValueError, match="indices must be"):
+        spoiled().subset("68", indices)

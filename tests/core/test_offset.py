@@ -99,3 +99,21 @@ def test_zero_is_the_surface_itself_and_nonsense_is_refused():
             offset(surface, distance, tolerance=tolerance)
     with pytest.raises(ValueError, match="finest net"):
         offset(ball(60.0, shape=(8, 9)), 20.0, tolerance=1e-12)
+
+
+@pytest.mark.parametrize(
+    "wrong, words",
+    [
+        ({"outline_uv": []}, "outline_uv must be"),
+        ({"outline_uv": [[0.5, 0.5]] * 2}, "outline_uv must be"),
+        ({"outline_uv": np.full((5, 2), np.nan)}, "outline_uv must be"),
+        ({"outline_uv": np.full((5, 2), 0.123)}, "encloses too little"),
+        ({"distance": "1"}, "distance must be a number"),
+        ({"tolerance": True}, "tolerance must be a number"),
+        ({"surface": 1}, "surface must be a BSplineSurface"),
+    ],
+)
+def test_wrong_kinds_are_named(wrong, words):
+    good = {"surface": load_template().surface.resampled((8, 9)), "distance": 0.5}
+    with pytest.raises((TypeError, ValueError), match=words):
+        offset(**{**good, **wrong})

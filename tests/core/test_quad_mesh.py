@@ -7,6 +7,7 @@ import pytest
 from bsface.rig.arkit import arkit_keys
 from bsface.rig.eyes import RADIUS_MM, Eyeball, iris_picture, sphere, turned
 from bsface.rig.grid import Slit, slit_grid
+from bsface.rig.head import full_head
 from bsface.rig.mesh import DENSITIES, PARTS, QuadMesh, quad_mesh
 from bsface.rig.names import ARKIT_NAMES
 from bsface.surface.bspline import BSplineSurface
@@ -230,3 +231,10 @@ def test_unusable_requests_are_refused():
     tiny = Slit(np.stack([u, u], 1), np.stack([u, u], 1))
     with pytest.raises(ValueError, match="too coarse"):
         slit_grid(ellipse_outline(), (tiny,), (20, 20))
+
+
+@pytest.mark.parametrize("wrong", [None, 3, load_template().surface])
+def test_a_surface_alone_is_no_face_for_quads(wrong):
+    for make in (quad_mesh, full_head):
+        with pytest.raises(TypeError, match="face must be a face with its template"):
+            make(wrong)

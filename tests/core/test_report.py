@@ -256,3 +256,13 @@ def test_a_page_ends_in_html(tmp_path, name):
     with pytest.raises(ValueError, match=rf"{name}: the page must end in \.html"):
         report.write_report(tmp_path / name, bare_reconstruction())
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("axes", [(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+def test_a_collapsed_face_cannot_be_drawn(tmp_path, axes):
+    face = bare_reconstruction()
+    net = face.surface.control_points * axes
+    collapsed = face.with_surface(type(face.surface)(net))
+    with pytest.raises(ReconstructionError, match="collapsed to a point or a line"):
+        report.write_report(tmp_path / "a.html", collapsed, textured=False)
+    assert not list(tmp_path.iterdir())

@@ -10,6 +10,7 @@ from bsface.errors import ReconstructionError
 from bsface.result import no_photo
 from bsface.scale import (
     IRIS_MM,
+    TrueSize,
     size_from_eye_distance,
     size_from_iris,
     size_from_points,
@@ -110,3 +111,36 @@ def test_unusable_measurements_are_refused():
         size_from_points(face, "a.jpg", [[400, 420], [5, 5]], 10.0)
     with pytest.raises(ReconstructionError, match="two places"):
         size_from_points(face, "a.jpg", [[400, 420], [400, 420]], 10.0)
+
+
+@pytest.mark.parametrize(
+    "measured", [True, "63", np.array([63.0, 64.0]), None, np.nan, 0.5, -3]
+)
+def test_an_eye_distance_is_one_length(measured):
+    with pytest.raises((TypeError, ReconstructionError), match=r"must .*\.$"):
+        size_from_eye_distance(photographed(), measured, 0.1)
+
+
+@pytest.mark.parametrize("factor, sigma", [(0, 0.1), (-1, 0), (np.nan, 0), (1, -1)])
+def test_a_size_is_positive(factor, sigma):
+    with pytest.raises(ValueError, match="factor must be positive"):
+        TrueSize(factor, sigma)
+
+
+@pytest.mark.parametrize(
+    "pixels, click, words",
+    [
+        (np.ones((2, 2)), np.nan, "click_px must be"),
+        (np.ones((2, 2)), -1, "click_px must be"),
+        (np.ones((2, 2)), "1", "click_px must be"),
+        (np.ones(4), 1.0, "must be two finite points"),
+        (np.ones((3, 2)), 1.0, "must be two finite points"),
+        (np.full((2, 2), np.nan), 1.0, "must be two finite points"),
+    ],
+)
+def test_clicks_are_two_points(pixels, click, words):
+    face = photographed()
+    with pytest.raises((TypeError, ValueError), match=words):
+        size_from_points(face, face.photos[0].name, pixels, 60.0, click_px=click)
+    with pytest.raises((TypeError, ValueError), match=words):
+        size_from_iris(face, face.photos[0].name, pixels, click_px=click)

@@ -160,3 +160,9 @@ def test_unknown_names_can_be_printed():
     with pytest.raises(ValueError, match="no setting a b") as caught:
         Settings.from_dict({"a\nb\ud800" + "c" * 99: 1})
     str(caught.value).encode("utf-8")
+
+
+@pytest.mark.parametrize("value", [np.array(["joint"]), ["joint"], None, {"joint"}])
+def test_a_choice_is_one_word(value):
+    with pytest.raises(ValueError, match="method must be one of joint"):
+        Settings(method=value)

@@ -352,3 +352,16 @@ def test_held_out_examples():
             axis=1,
         )
         assert np.median(away) / photo.camera.s < 3  # mm
+
+
+@pytest.mark.parametrize(
+    "photos, kind, words",
+    [
+        (np.array(5), TypeError, "photos must be a folder"),
+        (np.zeros((40, 40)), ReconstructionError, r"One picture of shape \(40, 40\)"),
+    ],
+)
+def test_arrays_that_are_no_photos_are_refused_in_a_sentence(photos, kind, words):
+    face = painted_reconstruction(count=2, side=48)
+    with pytest.raises(kind, match=words):
+        track(photos, face, {"detector": False})
