@@ -86,6 +86,7 @@ class BSFACE_OT_landmarks_edit(RowOperator, LongOperator, bpy.types.Operator):
     bl_idname = "bsface.landmarks_edit"
     bl_label = "Edit Landmarks"
     bl_options = {"UNDO"}
+    opens_editor = True
 
     @classmethod
     def poll(cls, context):

@@ -64,6 +64,7 @@ class BSFACE_OT_mask_edit(RowOperator, LongOperator, bpy.types.Operator):
     bl_idname = "bsface.mask_edit"
     bl_label = "Paint Mask"
     bl_options = {"UNDO"}
+    opens_editor = True
 
     @classmethod
     def poll(cls, context):
