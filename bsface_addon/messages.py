@@ -65,10 +65,12 @@ NO_MASKS = "No mask is painted yet; press Paint Mask"
 NO_SKIN = "{name} knows no skin masks; reconstruct it again"
 STAGE_OPEN = "Press Done first: a photo is being edited"
 STAGE_ELSEWHERE = "Go back to the scene {name} first: a photo is being edited there"
+REPLACE_MASKS = "Other mask files are there already: replace them?"
 MASKED = "The mask of {name} counts in the next run"
 BAD_EDIT = "The landmarks hold {why}; undo until all points are back"
 FOUND = "Faces found in {found} of {photos}"
 FACES = "This photo shows {count} faces; Edit Landmarks shows which one is taken"
+TURNED = "{name} is turned; {what} did not fit any more and went"
 MOVED = "{count} landmarks were moved"
 NO_CAMERA_OF = "No camera belongs to {name!r}; photos that were left out have none"
 NO_PHOTO_VIEW = "No photo: free view"
@@ -113,13 +115,15 @@ LINKED = (
 NO_FILE_NAME = "{path!r} is a folder; give the file to write a name"
 UNKNOWN_ENDING = "{path}: unknown ending; choose one of {kinds}"
 NO_SIZE = "{name} is scaled to nothing; clear its scale (Alt S)"
+BAD_SIZE = "The size of the face is no finite number; press Reset in the settings"
 NO_NUMBERS = (
     "{name} has control points that are no finite numbers, or all at one place; undo, "
     "or remove it"
 )
 TOO_FEW_POINTS = "The face has too few control points for a coarse net: {why}"
 NO_LEFTOVERS = "Nothing is left of deleted faces"
-REMOVED = "{count} objects of deleted faces were removed"
+RETURNED = "{name} is turned; {what} did not fit any more and went"
+MOVED = "{count} objects of deleted faces were removed"
 NO_SUCH_FILES = "The photos of {name} are not where they were; add them to the list"
 CAPTURE = (
     "10 to 40 sharp photos of one person with a calm face: from the front, and up to "
@@ -193,9 +197,12 @@ def added(count: int, given: int) -> str:
     return f"{plural(count, 'photo')} added, {given - count} in the list already"
 
 
-def masks_saved(count: int) -> str:
+def masks_saved(count: int, replaced: int = 0) -> str:
     """The sentence after saving masks."""
-    return f"{plural(count, 'mask')} written beside the photos"
+    sentence = f"{plural(count, 'mask')} written beside the photos"
+    if replaced:
+        sentence += f"; {plural(replaced, 'other file')} of that name replaced"
+    return sentence
 
 
 def keys_added(count: int, kept: int) -> str:

@@ -138,17 +138,20 @@ def take_reports(state, reports):
 
 
 def landmarks(row):
-    """The row's core Landmarks, or None."""
+    """The row's core Landmarks, or None; a damaged text holds none."""
     import numpy as np
 
     from ..core.landmarks.landmarks import Landmarks
 
     if not row.landmarks:
         return None
-    stored = json.loads(row.landmarks)
-    stored["points"] = np.array(stored["points"])
-    stored["weight"] = np.array(stored["weight"])
-    return Landmarks(photo=row.name, **stored)
+    try:
+        stored = json.loads(row.landmarks)
+        stored["points"] = np.array(stored["points"], float)
+        stored["weight"] = np.array(stored["weight"], float)
+        return Landmarks(photo=row.name, **stored)
+    except (KeyError, TypeError, ValueError, RecursionError):
+        return None
 
 
 def keep_landmarks(row, found):
@@ -158,7 +161,8 @@ def keep_landmarks(row, found):
 
 def known_landmarks(state):
     """Photo name -> core Landmarks of all rows that have some."""
-    return {row.name: landmarks(row) for row in state.photos if row.landmarks}
+    found = {row.name: landmarks(row) for row in state.photos}
+    return {name: known for name, known in found.items() if known is not None}
 
 
 def keep_mask(row: BSFACE_PG_photo, painted: bytes) -> None:

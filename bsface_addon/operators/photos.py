@@ -238,6 +238,17 @@ class BSFACE_OT_photos_turn(RowOperator, LongOperator, bpy.types.Operator):
     def deliver(self, context, request, outcome):
         state = context.scene.bsface
         row = photo_list.find(state, request.name)
+        if row.quarters == request.quarters:
+            return
+        known, lost = photo_list.landmarks(row), []
+        if known is not None and known.source != "detected":
+            lost.append("its landmarks")
+        if row.mask is not None:
+            lost.append("its painted mask")
+        if lost:
+            what = " and ".join(lost)
+            text = messages.TURNED.format(name=request.name, what=what)
+            self.report({"WARNING"}, text)
         photo_list.set_path(state, row, outcome)
         if request.quarters:
             row.original, row.quarters = str(request.original), request.quarters

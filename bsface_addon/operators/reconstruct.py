@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
@@ -72,6 +74,8 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
 
     def prepare(self, context):
         state = context.scene.bsface
+        if not math.isfinite(state.size):
+            raise ReconstructionError(messages.BAD_SIZE)
         photos = None
         if self.directory:
             from ...core.images.folder import list_sources
