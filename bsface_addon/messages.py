@@ -55,6 +55,10 @@ HIDE = "Hide {name}"
 NO_CAMERAS = "This face has no cameras; reconstruct it again"
 CANCELLED = "Stopped; the scene is as it was"
 NO_SUCH_PHOTO = "There is no photo {name!r} in the list"
+NO_ROW = "No photo is chosen; click one in the list"
+NOTHING_SELECTED = (
+    "No control point of {name} is selected; select some in edit mode, or hold others"
+)
 NO_FILE = "There is no file {name}; choose another one"
 NO_LANDMARKS = "{name} has no landmarks yet; press Detect All or load a file"
 NONE_FOUND = "No landmarks were found in {name}; import them from a file"
@@ -124,7 +128,10 @@ TOO_FEW_POINTS = "The face has too few control points for a coarse net: {why}"
 NO_LEFTOVERS = "Nothing is left of deleted faces"
 RETURNED = "{name} is turned; {what} did not fit any more and went"
 MOVED = "{count} objects of deleted faces were removed"
-NO_SUCH_FILES = "The photos of {name} are not where they were; add them to the list"
+NO_SUCH_FILES = (
+    "The photos of {name} are not in {folder} nor beside this file; add them to the "
+    "list"
+)
 CAPTURE = (
     "10 to 40 sharp photos of one person with a calm face: from the front, and up to "
     "45 degrees from either side.",

@@ -17,6 +17,7 @@ from .. import (
     showing,
 )
 from ..apply_result import apply_result
+from ..properties import RELATIVE
 from . import running
 
 
@@ -31,7 +32,7 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         name="Folder",
         description="Folder with photos of one person; empty: the photos of the list",
         subtype="DIR_PATH",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", *RELATIVE},
     )
     name: StringProperty(
         name="Name",
