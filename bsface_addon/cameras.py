@@ -171,8 +171,7 @@ def _has_size(camera):
     """Whether the size of its photo is still there; the user may write anything."""
     size = camera.get(SIZE_KEY)
     try:
-        width, height = size
-        return min(width, height) > 0 and max(width, height) < float("inf")
+        return all(0 < side < float("inf") for side in size) and len(size) == 2
     except (TypeError, ValueError):
         return False
 
@@ -215,7 +214,7 @@ def leave_views(context):
     """Views, camera and frame as they were before `look_through`."""
     _restore_views(context)
     scene = context.scene
-    camera, then = scene.camera, json.loads(scene.get(FRAME_BEFORE, "{}"))
+    camera, then = scene.camera, _frame_before(scene)
     if camera is not None and rig.is_own(camera):
         face = rig.face_of(camera)
         if face is not None:
@@ -231,7 +230,7 @@ def leave_views(context):
 def _remember_frame(context, first, size):
     """Keep the user's camera and frame, not those of a photo."""
     scene = context.scene
-    known = json.loads(scene.get(FRAME_BEFORE, "{}"))
+    known = _frame_before(scene)
     if first:
         now = frame(context)
         if _is_still_framed(scene, known):
@@ -242,6 +241,17 @@ def _remember_frame(context, first, size):
             scene[CAMERA_BEFORE] = scene.camera
     if known:
         scene[FRAME_BEFORE] = json.dumps(known | {"shown": size})
+
+
+def _frame_before(scene):
+    """What `frame` was; empty where nothing is kept, or the user has damaged it."""
+    try:
+        then = json.loads(scene[FRAME_BEFORE])
+        sides = [*then["resolution"], *then["aspect"], *then.get("shown", ())]
+        good = isinstance(then["camera"], str) and sum(sides) > 0 and len(sides) > 3
+        return then if good else {}
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
+        return {}
 
 
 def _is_still_framed(scene, then):

@@ -23,7 +23,9 @@ def files(face: bpy.types.Object) -> tuple[Path, ...]:
     """
     found = tuple(path for path in _named(face) if os.path.isfile(path))
     if not found:
-        raise ReconstructionError(messages.NO_SUCH_FILES.format(name=face.name))
+        folder = next((str(path.parent) for path in _named(face)), "their folder")
+        text = messages.NO_SUCH_FILES.format(name=face.name, folder=folder)
+        raise ReconstructionError(text)
     return found
 
 
@@ -49,4 +51,4 @@ def owner(
 def _named(face: bpy.types.Object) -> tuple[Path, ...]:
     rows = [row for row in scene.stored(face, PHOTOS, []) if isinstance(row, dict)]
     names = [row["path"] for row in rows if isinstance(row.get("path"), str)]
-    return tuple(Path(name) for name in names if name)
+    return tuple(photo_list.moved_along(Path(name)) for name in names if name)

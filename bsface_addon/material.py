@@ -31,6 +31,10 @@ MAPS = {
 DETAIL = "DETAIL"
 PLAIN = (0.62, 0.42, 0.33, 1.0)
 KIND_KEY = "bsface_map"
+# The picture that was last on the lit shader, and what the artist had put between: the
+# second with the kind of picture after it.
+LIT_KEY = "bsface_lit"
+LINK_KEY = "bsface_link_"
 LEGEND_KEY = "bsface_legend"
 WHOLE_KEY = "bsface_whole"
 # Hash of the picture as it was made, before anybody painted on it.
@@ -210,11 +214,19 @@ def show(face: bpy.types.Object, kind: str) -> None:
     skin, flat, cut = nodes["Skin"], nodes["Flat"], _cutter(material)
     shader = skin if is_lit(kind) else flat
     colour = skin.inputs["Base Color"] if is_lit(kind) else flat.inputs["Color"]
-    for link in list(skin.inputs["Base Color"].links):
-        links.remove(link)
+    source = None
+    if is_lit(kind):
+        _keep_link(material, colour)
+        for link in list(colour.links):
+            links.remove(link)
+        source = _kept_link(material, kind)
+        material[LIT_KEY] = kind
     picture = nodes["Plain"] if kind == "PLAIN" else nodes[kind]
-    if picture.image is not None:
+    if source is not None:
+        links.new(source, colour)
+    elif picture.image is not None:
         links.new(picture.outputs["Color"], colour)
+    if picture.image is not None:
         links.new(picture.outputs["Alpha"], cut.inputs["Fac"])
     else:
         for link in list(cut.inputs["Fac"].links):
@@ -224,6 +236,23 @@ def show(face: bpy.types.Object, kind: str) -> None:
     # Solid view with the colour "Texture" shows the active image node.
     nodes.active = picture
     material[KIND_KEY] = kind
+
+
+def _keep_link(material: bpy.types.Material, colour: bpy.types.NodeSocket) -> None:
+    """Remember what the artist has put between the shown picture and the shader."""
+    key = LINK_KEY + material.get(LIT_KEY, "SKIN")
+    material.pop(key, None)
+    for link in colour.links:
+        if link.from_node.name not in (*MAPS, "Plain"):
+            material[key] = [link.from_node.name, link.from_socket.identifier]
+
+
+def _kept_link(material: bpy.types.Material, kind: str) -> bpy.types.NodeSocket | None:
+    """What `_keep_link` remembers, or None."""
+    name, identifier = material.get(LINK_KEY + kind, ("", ""))
+    node = material.node_tree.nodes.get(name)
+    outputs = [] if node is None else node.outputs
+    return next((out for out in outputs if out.identifier == identifier), None)
 
 
 def is_trimmed(face: bpy.types.Object) -> bool:

@@ -48,11 +48,17 @@ RUNNING = "Wait for the running job, or press Cancel"
 NOTHING_RUNS = "No job runs"
 NO_FACE_OBJECT = "Select a face that BSface made, or press Reconstruct first"
 FACE_GONE = "The face was deleted or is in another scene; undo, or run it again"
+SCENE_GONE = "The scene of the job was deleted; undo, or run it again"
+OTHER_SCENE = "The photo was to be edited in the scene {name}; go back and press again"
 SURROUNDED = "{name} surrounds the face and hides the photos behind it"
 HIDE = "Hide {name}"
 NO_CAMERAS = "This face has no cameras; reconstruct it again"
 CANCELLED = "Stopped; the scene is as it was"
 NO_SUCH_PHOTO = "There is no photo {name!r} in the list"
+NO_ROW = "No photo is chosen; click one in the list"
+NOTHING_SELECTED = (
+    "No control point of {name} is selected; select some in edit mode, or hold others"
+)
 NO_FILE = "There is no file {name}; choose another one"
 NO_LANDMARKS = "{name} has no landmarks yet; press Detect All or load a file"
 NONE_FOUND = "No landmarks were found in {name}; import them from a file"
@@ -63,10 +69,12 @@ NO_MASKS = "No mask is painted yet; press Paint Mask"
 NO_SKIN = "{name} knows no skin masks; reconstruct it again"
 STAGE_OPEN = "Press Done first: a photo is being edited"
 STAGE_ELSEWHERE = "Go back to the scene {name} first: a photo is being edited there"
+REPLACE_MASKS = "Other mask files are there already: replace them?"
 MASKED = "The mask of {name} counts in the next run"
 BAD_EDIT = "The landmarks hold {why}; undo until all points are back"
 FOUND = "Faces found in {found} of {photos}"
 FACES = "This photo shows {count} faces; Edit Landmarks shows which one is taken"
+TURNED = "{name} is turned; {what} did not fit any more and went"
 MOVED = "{count} landmarks were moved"
 NO_CAMERA_OF = "No camera belongs to {name!r}; photos that were left out have none"
 NO_PHOTO_VIEW = "No photo: free view"
@@ -111,14 +119,19 @@ LINKED = (
 NO_FILE_NAME = "{path!r} is a folder; give the file to write a name"
 UNKNOWN_ENDING = "{path}: unknown ending; choose one of {kinds}"
 NO_SIZE = "{name} is scaled to nothing; clear its scale (Alt S)"
+BAD_SIZE = "The size of the face is no finite number; press Reset in the settings"
 NO_NUMBERS = (
     "{name} has control points that are no finite numbers, or all at one place; undo, "
     "or remove it"
 )
 TOO_FEW_POINTS = "The face has too few control points for a coarse net: {why}"
 NO_LEFTOVERS = "Nothing is left of deleted faces"
-REMOVED = "{count} objects of deleted faces were removed"
-NO_SUCH_FILES = "The photos of {name} are not where they were; add them to the list"
+RETURNED = "{name} is turned; {what} did not fit any more and went"
+MOVED = "{count} objects of deleted faces were removed"
+NO_SUCH_FILES = (
+    "The photos of {name} are not in {folder} nor beside this file; add them to the "
+    "list"
+)
 CAPTURE = (
     "10 to 40 sharp photos of one person with a calm face: from the front, and up to "
     "45 degrees from either side.",
@@ -191,9 +204,12 @@ def added(count: int, given: int) -> str:
     return f"{plural(count, 'photo')} added, {given - count} in the list already"
 
 
-def masks_saved(count: int) -> str:
+def masks_saved(count: int, replaced: int = 0) -> str:
     """The sentence after saving masks."""
-    return f"{plural(count, 'mask')} written beside the photos"
+    sentence = f"{plural(count, 'mask')} written beside the photos"
+    if replaced:
+        sentence += f"; {plural(replaced, 'other file')} of that name replaced"
+    return sentence
 
 
 def keys_added(count: int, kept: int) -> str:

@@ -39,7 +39,7 @@ def keep(face, result):
 
 def show(face, photo):
     """Give the face the expression of a photo, or none where it is calm."""
-    mixture = json.loads(face.get(STORED, "{}")).get(photo)
+    mixture = _mixture(face, photo)
     # In edit mode Blender shows the basis, and keys cannot be written.
     if mixture is None or face.mode == "EDIT":
         hide(face)
@@ -61,9 +61,19 @@ def hide(face):
         surface_object.remove_shape_keys(face)
 
 
+def _mixture(face, photo):
+    """Coefficients of a photo, or None; the user may write anything there."""
+    try:
+        found = np.array(json.loads(face[STORED])[photo], float)
+    except (KeyError, TypeError, ValueError, RecursionError):
+        return None
+    known = found.shape == (len(load_template().expression_modes),)
+    return found if known and np.isfinite(found).all() else None
+
+
 def _points(face, mixture):
     surface = face_file.surface(face)
     template = load_template().resampled(surface.shape)
     size = relative_size(surface, template)
-    (moved,) = expression_displacements(template, np.array([mixture]), size)
+    (moved,) = expression_displacements(template, mixture[None], size)
     return surface.control_points + moved

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,9 @@ from .stored_facts import landmark_text
 
 if TYPE_CHECKING:
     from .properties import BSFACE_PG_photo, BSFACE_PG_scene
+
+# So many folders and the name are looked for where a project was moved.
+DEEPEST = 4
 
 
 def add(state, paths):
@@ -102,13 +106,31 @@ def forget(row):
 
 def absolute(row):
     """The row's file, whether stored relative to the .blend or not."""
-    return Path(bpy.path.abspath(row.path))
+    return moved_along(Path(bpy.path.abspath(row.path)))
+
+
+def moved_along(path: Path) -> Path:
+    """A file, or where it is now if it was moved together with the .blend.
+
+    Looked for are its name and the folders before it, at the .blend and beside the
+    folder of the .blend.
+    """
+    if not bpy.data.filepath or not path.name or os.path.isfile(path):
+        return path
+    home, parts = Path(bpy.data.filepath).parent, path.parts[1:]
+    for base, least in ((home, 1), (home.parent, 2)):
+        for count in range(min(len(parts), DEEPEST), least - 1, -1):
+            now = base.joinpath(*parts[-count:])
+            if os.path.isfile(now):
+                return now
+    return path
 
 
 def original(row):
     """The file that the row's photo is, or was before it was turned."""
-    turned_from = bpy.path.abspath(row.original) if row.original else ""
-    return Path(turned_from or absolute(row))
+    if not row.original:
+        return absolute(row)
+    return moved_along(Path(bpy.path.abspath(row.original)))
 
 
 def files(row):
@@ -138,17 +160,20 @@ def take_reports(state, reports):
 
 
 def landmarks(row):
-    """The row's core Landmarks, or None."""
+    """The row's core Landmarks, or None; a damaged text holds none."""
     import numpy as np
 
     from ..core.landmarks.landmarks import Landmarks
 
     if not row.landmarks:
         return None
-    stored = json.loads(row.landmarks)
-    stored["points"] = np.array(stored["points"])
-    stored["weight"] = np.array(stored["weight"])
-    return Landmarks(photo=row.name, **stored)
+    try:
+        stored = json.loads(row.landmarks)
+        stored["points"] = np.array(stored["points"], float)
+        stored["weight"] = np.array(stored["weight"], float)
+        return Landmarks(photo=row.name, **stored)
+    except (KeyError, TypeError, ValueError, RecursionError):
+        return None
 
 
 def keep_landmarks(row, found):
@@ -158,7 +183,8 @@ def keep_landmarks(row, found):
 
 def known_landmarks(state):
     """Photo name -> core Landmarks of all rows that have some."""
-    return {row.name: landmarks(row) for row in state.photos if row.landmarks}
+    found = {row.name: landmarks(row) for row in state.photos}
+    return {name: known for name, known in found.items() if known is not None}
 
 
 def keep_mask(row: BSFACE_PG_photo, painted: bytes) -> None:

@@ -21,6 +21,7 @@ from .. import (
     scene,
 )
 from ..export_face import FileToWrite
+from ..properties import RELATIVE
 from .mesh import DENSITY, KEYS, OPENINGS
 from .running import LongOperator
 from .surface import ChangingOperator
@@ -55,7 +56,7 @@ class FileOperator(ChangingOperator, LongOperator):
     """Writes a file, in a window beside the UI."""
 
     edits = False
-    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", *RELATIVE})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context, event):

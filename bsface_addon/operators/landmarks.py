@@ -19,6 +19,7 @@ from .. import (
     photo_stage,
     request,
 )
+from ..properties import RELATIVE
 from ..solving import next_face
 from .masks import on_this_stage
 from .photos import RowOperator, ready
@@ -86,6 +87,7 @@ class BSFACE_OT_landmarks_edit(RowOperator, LongOperator, bpy.types.Operator):
     bl_idname = "bsface.landmarks_edit"
     bl_label = "Edit Landmarks"
     bl_options = {"UNDO"}
+    opens_editor = True
 
     @classmethod
     def poll(cls, context):
@@ -200,7 +202,7 @@ class BSFACE_OT_face_next(RowOperator, LongOperator, bpy.types.Operator):
 
 
 class LandmarkFile(RowOperator):
-    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", *RELATIVE})
     filter_glob: StringProperty(default="*.pts;*.json", options={"HIDDEN"})
 
 

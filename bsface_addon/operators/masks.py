@@ -64,6 +64,7 @@ class BSFACE_OT_mask_edit(RowOperator, LongOperator, bpy.types.Operator):
     bl_idname = "bsface.mask_edit"
     bl_label = "Paint Mask"
     bl_options = {"UNDO"}
+    opens_editor = True
 
     @classmethod
     def poll(cls, context):
@@ -189,15 +190,34 @@ class BSFACE_OT_mask_save(PaintedOperator, bpy.types.Operator):
     bl_label = "Save Masks"
     bl_options = {"REGISTER"}
 
+    def invoke(self, context, event):
+        if self.others(self.files(context)):
+            manager, text = context.window_manager, messages.REPLACE_MASKS
+            return manager.invoke_confirm(self, event, message=text)
+        return self.execute(context)
+
+    def files(self, context):
+        """Path -> content of the files to write."""
+        return {
+            photo_list.original(row).with_suffix(ENDING): skin_pictures.turned_back(
+                photo_list.mask(row), row.quarters
+            )
+            for row in self.rows(context)
+        }
+
+    @staticmethod
+    def others(files):
+        """How many of the files are there with another content."""
+        found = [path for path in files if path.is_file()]
+        return sum(path.read_bytes() != files[path] for path in found)
+
     @refusals_reported
     def execute(self, context):
-        rows = self.rows(context)
-        for row in rows:
-            path = photo_list.original(row).with_suffix(ENDING)
-            write_bytes(
-                path, skin_pictures.turned_back(photo_list.mask(row), row.quarters)
-            )
-        self.report({"INFO"}, messages.masks_saved(len(rows)))
+        files = self.files(context)
+        replaced = self.others(files)
+        for path, content in files.items():
+            write_bytes(path, content)
+        self.report({"INFO"}, messages.masks_saved(len(files), replaced))
         return {"FINISHED"}
 
 

@@ -16,6 +16,7 @@ from bpy.props import (
 from ...core.errors import ReconstructionError
 from ...core.images.folder import READABLE_ENDINGS
 from .. import messages, photo_list, session, turned
+from ..properties import RELATIVE
 from .refusals import refusals_reported
 from .running import LongOperator
 
@@ -53,7 +54,9 @@ class RowOperator:
             There is no such photo.
         """
         state = context.scene.bsface
-        if not self.photo and 0 <= state.active_photo < len(state.photos):
+        if not self.photo:
+            if not 0 <= state.active_photo < len(state.photos):
+                raise ReconstructionError(messages.NO_ROW)
             return state.photos[state.active_photo]
         return photo_list.find(state, self.photo)
 
@@ -73,7 +76,9 @@ class BSFACE_OT_photos_add(bpy.types.Operator):
     bl_label = "Add Photos"
     bl_options = {"REGISTER", "UNDO"}
 
-    directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    directory: StringProperty(
+        subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN", *RELATIVE}
+    )
     files: CollectionProperty(
         type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"}
     )
@@ -192,7 +197,7 @@ class BSFACE_OT_photos_replace(RowOperator, bpy.types.Operator):
     bl_label = "Replace Photo"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", *RELATIVE})
     filter_glob: StringProperty(default=ENDINGS, options={"HIDDEN"})
 
     def invoke(self, context, event):
@@ -238,6 +243,17 @@ class BSFACE_OT_photos_turn(RowOperator, LongOperator, bpy.types.Operator):
     def deliver(self, context, request, outcome):
         state = context.scene.bsface
         row = photo_list.find(state, request.name)
+        if row.quarters == request.quarters:
+            return
+        known, lost = photo_list.landmarks(row), []
+        if known is not None and known.source != "detected":
+            lost.append("its landmarks")
+        if row.mask is not None:
+            lost.append("its painted mask")
+        if lost:
+            what = " and ".join(lost)
+            text = messages.TURNED.format(name=request.name, what=what)
+            self.report({"WARNING"}, text)
         photo_list.set_path(state, row, outcome)
         if request.quarters:
             row.original, row.quarters = str(request.original), request.quarters

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
@@ -15,6 +17,7 @@ from .. import (
     showing,
 )
 from ..apply_result import apply_result
+from ..properties import RELATIVE
 from . import running
 
 
@@ -29,7 +32,7 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
         name="Folder",
         description="Folder with photos of one person; empty: the photos of the list",
         subtype="DIR_PATH",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", *RELATIVE},
     )
     name: StringProperty(
         name="Name",
@@ -72,6 +75,8 @@ class BSFACE_OT_reconstruct(running.LongOperator, bpy.types.Operator):
 
     def prepare(self, context):
         state = context.scene.bsface
+        if not math.isfinite(state.size):
+            raise ReconstructionError(messages.BAD_SIZE)
         photos = None
         if self.directory:
             from ...core.images.folder import list_sources

@@ -8,8 +8,10 @@ face as it is so far, the views show it (`estimate_overlay`).
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import traceback
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import bpy
@@ -76,7 +78,36 @@ class LongOperator:
         """Remember the face that the job is for; the request."""
         face = self.chosen(context)
         self._face = None if face is None else face.session_uid
+        self._scene = context.scene.session_uid
         return self.prepare(context)
+
+    # On: its result is an editor, for who looks at the scene that it was begun in.
+    opens_editor = False
+
+    @contextlib.contextmanager
+    def in_its_scene(self, context: bpy.types.Context) -> Iterator[None]:
+        """Inside, the window shows the scene in which the job was begun.
+
+        Raises
+        ------
+        ReconstructionError
+            The scene was deleted, or an editor would open unseen.
+        """
+        if context.scene.session_uid == self._scene:
+            yield
+            return
+        home = next((s for s in bpy.data.scenes if s.session_uid == self._scene), None)
+        if home is None:
+            raise ReconstructionError(messages.SCENE_GONE)
+        if self.opens_editor:
+            raise ReconstructionError(messages.OTHER_SCENE.format(name=home.name))
+        window = context.window
+        now, layer = window.scene, window.view_layer
+        window.scene = home
+        try:
+            yield
+        finally:
+            window.scene, window.view_layer = now, layer
 
     # Whether the user has left everything alone since the job began; otherwise the
     # result must not take selection, mode and view away.
@@ -135,7 +166,8 @@ class LongOperator:
         try:
             if running.error is not None:
                 raise running.error
-            self.deliver(context, self._request, running.result)
+            with self.in_its_scene(context):
+                self.deliver(context, self._request, running.result)
         except Exception as error:
             self.put_views_back(context)
             return self.failed(context, error, running.trace or traceback.format_exc())
@@ -145,7 +177,7 @@ class LongOperator:
     def show_estimate(self, context: bpy.types.Context, running: Job) -> None:
         """Draw the face as the job has it so far, where the result will be."""
         points, overlay = running.control_points, session.current().overlay
-        if points is None:
+        if points is None or context.scene.session_uid != self._scene:
             return
         face, first = self.updated(context), overlay.estimate is None
         if face is None:
@@ -193,6 +225,7 @@ def footprint(context: bpy.types.Context) -> tuple:
     layer, manager = context.view_layer, context.window_manager
     active = layer.objects.active
     return (
+        context.scene.session_uid,
         None if active is None else (active.name, active.mode),
         [obj.name for obj in layer.objects if obj.select_get()],
         [cameras.view_state(view) for view in cameras.spaces(context)],

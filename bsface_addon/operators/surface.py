@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
+from ...core.errors import ReconstructionError
 from ...core.problem import Constraint
 from ...core.surface.bspline import resampled_net
 from .. import (
@@ -88,6 +89,9 @@ class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator
             held = face_file.moved(face)
         elif self.hold == "SELECTED":
             held = surface_object.selected(face)
+            if not held.any():
+                text = messages.NOTHING_SELECTED.format(name=face.name)
+                raise ReconstructionError(text)
         return request.from_panel(
             state,
             None if own else face_photos.files(face),

@@ -93,3 +93,33 @@ def test_nodes_that_were_deleted_are_made_again(face, tmp_path):
     kept = [node.name for node in material.node_tree.nodes]
     assert said("surface_map", tmp_path) == ""
     assert {*kept, "Skin"} <= {node.name for node in material.node_tree.nodes}
+
+
+@pytest.mark.parametrize("text", ["{bad", "[]", '{"0.png": "x"}', '{"0.png": [1]}'])
+def test_damaged_expressions_are_none(face, text):
+    face["bsface_expressions"] = text
+    assert bpy.ops.bsface.view_photo() == {"FINISHED"}
+    assert face.data.shape_keys is None
+
+
+@pytest.mark.parametrize("text", ["{bad", "[1]", '{"points": 3}'])
+def test_damaged_landmarks_are_none(face, solved, text):
+    row = bpy.context.scene.bsface.photos[0]
+    row.landmarks = text
+    with pytest.raises(RuntimeError, match="no landmarks yet"):
+        bpy.ops.bsface.landmarks_edit(photo=row.name)
+    assert bpy.ops.bsface.reconstruct() == {"FINISHED"}
+    assert row.name not in solved[-1].landmarks
+
+
+@pytest.mark.parametrize("text", ["{bad", "[]", '{"camera": 3}', "{}"])
+def test_a_damaged_memory_of_the_frame(face, text):
+    bpy.ops.bsface.view_photo()
+    bpy.context.scene["bsface_frame_before"] = text
+    assert bpy.ops.bsface.view_leave() == {"FINISHED"}
+
+
+def test_a_size_that_is_no_number_is_refused(face, tmp_path):
+    bpy.context.scene.bsface.size = float("nan")
+    with pytest.raises(RuntimeError, match="size of the face is no finite number"):
+        bpy.ops.bsface.reconstruct(directory=str(tmp_path / "photos"), separate=True)

@@ -68,10 +68,9 @@ def view():
 def window(addon, view):
     """A context with the scene of this Blender and a window with one 3D view."""
     region = SimpleNamespace(type="WINDOW", tag_redraw=MagicMock())
+    space = SimpleNamespace(region_3d=view, use_local_camera=False, local_view=None)
     area = SimpleNamespace(
-        type="VIEW_3D",
-        regions=[region],
-        spaces=SimpleNamespace(active=SimpleNamespace(region_3d=view)),
+        type="VIEW_3D", regions=[region], spaces=SimpleNamespace(active=space)
     )
     context = MagicMock()
     context.scene, context.view_layer = bpy.context.scene, bpy.context.view_layer

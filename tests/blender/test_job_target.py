@@ -33,7 +33,8 @@ def begun(operator, **properties):
 
     class Begun(running.LongOperator):
         prepare, deliver = operator.prepare, operator.deliver
-        chosen = operator.chosen
+        chosen, opens_editor = operator.chosen, operator.opens_editor
+        wanted = getattr(operator, "wanted", None)
 
         @staticmethod
         def work(solver, request, progress):
@@ -114,3 +115,43 @@ def test_a_new_face_stays_new_though_another_one_became_active(two):
     assert state.face.session_uid not in before
     np.testing.assert_array_equal(faces.points(face), kept[0])
     np.testing.assert_array_equal(faces.points(other), kept[1])
+
+
+@pytest.fixture
+def other_scene():
+    """Another scene, with nothing in it."""
+    return bpy.data.scenes.new("Other")
+
+
+def test_the_result_goes_into_the_scene_in_which_it_was_begun(two, other_scene):
+    reconstruct = load("bsface_addon.operators.reconstruct").BSFACE_OT_reconstruct
+    face, _ = two
+    home, count = bpy.context.scene, len(bpy.context.scene.objects)
+    surface_object.write(bpy.context, face, faces.points(face) + [0.0, 2.0, 0.0])
+    wanted = faces.points(face) - [0.0, 2.0, 0.0]
+    texts = dict.fromkeys(("directory", "name", "settings", "ignore"), "")
+    net = {"control_points_u": 0, "control_points_v": 0}
+    one, go = begun(reconstruct, separate=False, **texts, **net)
+    bpy.context.window.scene = other_scene
+    assert end(one, go) == {"FINISHED"}
+    np.testing.assert_allclose(faces.points(face), wanted, atol=1e-3)
+    assert bpy.context.scene == other_scene and not other_scene.objects
+    assert len(home.objects) == count and not other_scene.bsface.photos
+
+
+def test_the_scene_of_a_job_may_be_deleted(two, other_scene):
+    one, go = begun(mesh.BSFACE_OT_arkit_keys)
+    home = bpy.context.scene
+    bpy.context.window.scene = other_scene
+    bpy.data.scenes.remove(home)
+    assert end(one, go) == {"CANCELLED"} and one.said == messages.SCENE_GONE
+
+
+def test_no_editor_opens_in_a_scene_that_is_not_looked_at(two, other_scene):
+    masks = load("bsface_addon.operators.masks")
+    home = bpy.context.scene
+    one, go = begun(masks.BSFACE_OT_mask_edit, photo="1.png")
+    bpy.context.window.scene = other_scene
+    assert end(one, go) == {"CANCELLED"}
+    assert one.said == messages.OTHER_SCENE.format(name=home.name)
+    assert load("bsface_addon.mask_editor").editor() is None

@@ -295,6 +295,32 @@ def test_the_mask_of_a_turned_copy_fits_the_file_it_was_made_of(rows, tmp_path):
     assert (grey[:50] == 0).all() and (grey[50:] == 128).all()
 
 
+def test_a_mask_file_that_is_replaced_is_told(rows, tmp_path, capfd):
+    path = tmp_path / "photos" / "0.mask.png"
+    grey = cv2.imencode(".png", np.full((HEIGHT, WIDTH), 255, np.uint8))[1].tobytes()
+    path.write_bytes(grey)
+    bpy.ops.bsface.mask_edit(photo="0.png")
+    paint(slice(0, 40), (0, 0, 0, 1))
+    bpy.ops.bsface.mask_done()
+    for said in ("; 1 other file of that name replaced", "beside the photos\n"):
+        capfd.readouterr()
+        bpy.ops.bsface.mask_save()
+        assert said in capfd.readouterr().out
+    assert path.read_bytes() != grey
+
+
+def test_turning_a_photo_says_what_goes(rows, capfd):
+    bpy.ops.bsface.mask_edit(photo="0.png")
+    paint(slice(0, 40), (0, 0, 0, 1))
+    bpy.ops.bsface.mask_done()
+    bpy.ops.bsface.photos_turn(photo="0.png", quarters=0)
+    assert rows[0].mask is not None
+    capfd.readouterr()
+    bpy.ops.bsface.photos_turn(photo="0.png", quarters=1)
+    assert "0.png is turned; its painted mask did not fit" in capfd.readouterr().out
+    assert rows[0].mask is None
+
+
 def test_another_picture_in_the_row_has_no_mask(face, rows, tmp_path):
     bpy.ops.bsface.mask_edit(photo="0.png")
     paint(slice(0, 40), (0, 0, 0, 1))

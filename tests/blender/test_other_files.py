@@ -119,3 +119,31 @@ def test_rows_may_be_relative_to_the_blend_file(face, solved, tmp_path):
         row.path = f"//photos/{row.name}"
     bpy.ops.bsface.surface_refit()
     assert {path.parent for path in solved[-1].photos} == {tmp_path / "photos"}
+
+
+@pytest.mark.parametrize("at", ["", "scenes"])
+def test_photos_that_moved_with_the_blend_file_are_found(face, solved, tmp_path, at):
+    old, new = tmp_path / "old", tmp_path / "new"
+    (old / at).mkdir(parents=True)
+    (tmp_path / "photos").rename(old / "photos")
+    bpy.ops.bsface.reconstruct(directory=str(old / "photos"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(old / at / "a.blend"))
+    old.rename(new)
+    bpy.ops.wm.open_mainfile(filepath=str(new / at / "a.blend"))
+    there = {new / "photos" / f"{number}.png" for number in range(3)}
+    for _ in range(2):
+        assert bpy.ops.bsface.surface_refit() == {"FINISHED"}
+        assert set(solved[-1].photos) == there
+        bpy.ops.bsface.photos_clear()  # then the face knows its photos
+        bpy.context.view_layer.objects.active = bpy.data.objects["Ann"]
+    (new / "photos").rename(tmp_path / "away")
+    with pytest.raises(RuntimeError, match="not in .* nor beside this file"):
+        bpy.ops.bsface.surface_refit()
+
+
+def test_paths_of_operators_may_be_relative_to_the_blend_file(face, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.bsface.export(filepath="//b.step")
+    assert (tmp_path / "b.step").is_file()
+    known = bpy.ops.bsface.export.get_rna_type().properties
+    assert known["filepath"].is_path_supports_blend_relative

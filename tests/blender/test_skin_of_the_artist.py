@@ -107,3 +107,22 @@ def test_a_copy_gets_its_own_pictures_with_its_own_run(face, skin, solver):
     assert material.stored_map(face, "SKIN") == skin
     assert material.packed_map(face, "SKIN") == picture(50).png
     assert material.packed_map(copy, "SKIN") == picture(90).png
+
+
+def test_a_node_between_picture_and_shader_comes_back(face, skin):
+    tree = face.data.materials[0].node_tree
+    nodes, links = tree.nodes, tree.links
+    hue, colour = nodes.new("ShaderNodeHueSaturation"), nodes["Skin"].inputs[0]
+    links.new(nodes["SKIN"].outputs["Color"], hue.inputs["Color"])
+    bpy.ops.bsface.surface_map(kind="SKIN")
+    links.new(hue.outputs["Color"], colour)
+    for _ in range(2):
+        for kind in ("NORMALS", "PLAIN", "NORMALS", "SKIN"):
+            bpy.ops.bsface.surface_map(kind=kind)
+            if kind == "PLAIN":
+                assert not colour.is_linked
+        assert colour.links[0].from_node == hue
+    nodes.remove(hue)
+    bpy.ops.bsface.surface_map(kind="PLAIN")
+    bpy.ops.bsface.surface_map(kind="SKIN")
+    assert colour.links[0].from_node == nodes["SKIN"]

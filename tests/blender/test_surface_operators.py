@@ -58,7 +58,7 @@ def test_refit_finds_the_photos_without_the_list(face, solved, tmp_path):
     for path in (tmp_path / "photos").iterdir():
         path.unlink()
     bpy.ops.bsface.photos_clear()
-    with pytest.raises(RuntimeError, match="not where they were"):
+    with pytest.raises(RuntimeError, match="nor beside this file"):
         bpy.ops.bsface.surface_refit()
 
 
@@ -189,3 +189,15 @@ def test_removing_the_face(face):
     bpy.ops.bsface.face_remove()
     assert not bpy.data.objects and not bpy.data.curves and not bpy.data.images
     assert bpy.context.scene.bsface.face is None
+
+
+def test_holding_no_selected_point_is_refused(face, solved):
+    with pytest.raises(RuntimeError, match="No control point of Ann is selected"):
+        bpy.ops.bsface.surface_refit(hold="SELECTED")
+    assert not solved
+
+
+def test_no_chosen_row_is_told_with_the_remedy(face):
+    bpy.context.scene.bsface.active_photo = 99
+    with pytest.raises(RuntimeError, match="No photo is chosen; click one"):
+        bpy.ops.bsface.photos_remove()
