@@ -96,9 +96,7 @@ def offset_limit(
     u, v = (_samples(count, 8) for count in surface.shape)
     keep = _kept(u, v, outline_uv)
     if not keep.any():
-        raise ValueError(
-            "outline_uv encloses too little; give a larger outline"
-        )
+        raise ValueError("outline_uv encloses too little; give a larger outline")
     k_min, k_max = principal_curvatures(surface, u, v)
     most = k_max[keep].max() if outwards else -k_min[keep].min()
     return float(1 / most) if most > 0 else np.inf
