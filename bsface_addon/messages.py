@@ -126,8 +126,7 @@ NO_NUMBERS = (
 )
 TOO_FEW_POINTS = "The face has too few control points for a coarse net: {why}"
 NO_LEFTOVERS = "Nothing is left of deleted faces"
-RETURNED = "{name} is turned; {what} did not fit any more and went"
-MOVED = "{count} objects of deleted faces were removed"
+REMOVED = "{count} objects of deleted faces were removed"
 NO_SUCH_FILES = (
     "The photos of {name} are not in {folder} nor beside this file; add them to the "
     "list"

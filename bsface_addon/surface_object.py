@@ -302,7 +302,12 @@ def _make_patch(
             context.view_layer.objects.active = maker
             maker.select_set(True)
             bpy.ops.object.mode_set(mode="EDIT")
-            curve.splines.clear()
+            if len(curve.splines):
+                # By Blender's own operator, which forgets the points for the keys too.
+                bpy.ops.curve.reveal(select=True)
+                bpy.ops.curve.select_all(action="SELECT")
+                bpy.ops.curve.delete(type="VERT")
+                curve.splines.clear()
             for row in range(count_u):
                 spline = curve.splines.new("NURBS")
                 spline.points.add(count_v - 1)
