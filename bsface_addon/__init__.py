@@ -6,7 +6,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import (
-    cameras,
+    camera_views,
     coarse_editor,
     headless,
     manual,
@@ -74,7 +74,7 @@ def upgrade(*_):
 @persistent
 def follow_undo(*_):
     """Views are not part of undo."""
-    cameras.follow_undo(bpy.context)
+    camera_views.follow_undo(bpy.context)
     mask_editor.restore_shading(bpy.context)
 
 

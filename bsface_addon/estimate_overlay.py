@@ -16,7 +16,7 @@ from mathutils import Matrix, Vector
 
 from ..core._types import Array, Array32
 from ..core.surface.bspline import BSplineSurface, grid_parameters, grid_triangles
-from .cameras import redraw
+from .view_areas import redraw
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,7 +10,7 @@ import json
 
 import bpy
 
-from . import cameras
+from . import camera_views, cameras, view_areas
 
 # On the object that is worked on: what of the scene comes back, as JSON text; and
 # pointers, which outlive a new name, to its scene, to the stage's camera and
@@ -83,9 +83,9 @@ def open_stage(
     ):
         if block is not None:
             obj[key] = block
-    cameras.look_through(context, camera)
+    camera_views.look_through(context, camera)
     context.view_layer.update()
-    for space in cameras.spaces(context):
+    for space in view_areas.spaces(context):
         if space.local_view is not None:  # it shows only what it was opened with
             for part in (obj, camera):
                 part.local_view_set(space, True)
@@ -145,17 +145,17 @@ def _let_go(copy: bpy.types.Object) -> None:
 
 def _view(context):
     return {
-        "frame": cameras.frame(context),
-        "views": [cameras.view_state(view) for view in cameras.spaces(context)],
+        "frame": camera_views.frame(context),
+        "views": [camera_views.view_state(view) for view in view_areas.spaces(context)],
     }
 
 
 def _restore(context, before, camera, active):
-    cameras.set_frame(context, before["frame"], camera)
+    camera_views.set_frame(context, before["frame"], camera)
     context.view_layer.update()
     layer = context.view_layer.objects
     layer.active = active if active in layer.values() else None
     if layer.active is not None:
         layer.active.select_set(True)
-    for view, then in zip(cameras.spaces(context), before["views"], strict=False):
-        cameras.set_view(view, then)
+    for view, then in zip(view_areas.spaces(context), before["views"], strict=False):
+        camera_views.set_view(view, then)

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 import bpy
 
-from . import cameras, material, rig
+from . import camera_views, material, rig
 from .scene import MARK
 
 # Marks of the collections inside the one of a face.
@@ -60,7 +60,7 @@ def _remove_rig(context: bpy.types.Context, empty: bpy.types.Object) -> int:
     """Delete a rig with its cameras and suns; how many those were."""
     parts = rig.own(empty)
     if context.scene.camera in parts:
-        cameras.leave_views(context)
+        camera_views.leave_views(context)
     images = [
         slot.image
         for obj in parts

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 import bpy
 
-from . import cameras, lights, photo_expression, rig, skin_overlay
+from . import camera_views, cameras, lights, photo_expression, rig, skin_overlay
 
 Objects = list[bpy.types.Object]
 
@@ -50,7 +50,7 @@ def renewed(
         kept.append(was)
         gone.append(obj)
     if context.scene.camera in known.values():
-        cameras.leave_views(context)
+        camera_views.leave_views(context)
     gone += known.values()
     rig.free_children(context, gone)
     _remove(gone)

@@ -9,6 +9,7 @@ import bpy
 from mathutils import Quaternion, Vector
 
 from . import (
+    camera_views,
     cameras,
     coordinates,
     material,
@@ -124,7 +125,7 @@ def photo(
     context: bpy.types.Context, face: bpy.types.Object, view: bpy.types.Object
 ) -> None:
     """Look through the camera of a photo, at the face with that photo's expression."""
-    cameras.look_through(context, view)
+    camera_views.look_through(context, view)
     photo_expression.show(face, view[cameras.PHOTO_KEY])
     skin_overlay.refresh(context, face)
 
@@ -146,4 +147,4 @@ def present(context, face):
     if views:
         # The most frontal photo: its camera's axis is nearest to the head's own.
         frontal = max(views, key=lambda view: view.matrix_basis.col[2].z)
-        cameras.look_through(context, frontal, switch_views=False)
+        camera_views.look_through(context, frontal, switch_views=False)

@@ -18,13 +18,14 @@ import bpy
 
 from ...core.errors import ReconstructionError, out_of_memory
 from .. import (
-    cameras,
+    camera_views,
     coarse_editor,
     coordinates,
     messages,
     scene,
     session,
     showing,
+    view_areas,
 )
 from ..estimate_overlay import extent
 
@@ -187,15 +188,17 @@ class LongOperator:
         overlay.show(context, points, frame)
         if first and face is None and footprint(context) == self._before:
             # Views of a new file show metres; the face would be a dot in them.
-            self._views = [cameras.view_state(view) for view in cameras.spaces(context)]
+            self._views = [
+                camera_views.view_state(view) for view in view_areas.spaces(context)
+            ]
             showing.look_at_front(context, *extent(points, frame))
             self._before = footprint(context)
 
     def put_views_back(self, context: bpy.types.Context) -> None:
         """Where there is no result: look from where the user did, if nobody moved."""
         if self._views and footprint(context) == self._before:
-            for view, then in zip(cameras.spaces(context), self._views, strict=True):
-                cameras.set_view(view, then)
+            for view, then in zip(view_areas.spaces(context), self._views, strict=True):
+                camera_views.set_view(view, then)
 
     def cancel(self, context):
         """Blender stops the operator: another file is loaded, or it quits."""
@@ -228,7 +231,7 @@ def footprint(context: bpy.types.Context) -> tuple:
         context.scene.session_uid,
         None if active is None else (active.name, active.mode),
         [obj.name for obj in layer.objects if obj.select_get()],
-        [cameras.view_state(view) for view in cameras.spaces(context)],
+        [camera_views.view_state(view) for view in view_areas.spaces(context)],
         [operator.as_pointer() for operator in manager.operators],
     )
 
@@ -278,4 +281,4 @@ def draw_status(header, context):
 
 def redraw(context: bpy.types.Context) -> None:
     """Redraw the sidebars of the 3D views, not the views: those are slow."""
-    cameras.redraw(context, "UI")
+    view_areas.redraw(context, "UI")

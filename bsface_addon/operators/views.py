@@ -6,6 +6,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import (
+    camera_views,
     cameras,
     lights,
     messages,
@@ -75,7 +76,7 @@ class BSFACE_OT_view_leave(ViewOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        cameras.leave_views(context)
+        camera_views.leave_views(context)
         face = scene.active_face(context)
         photo_expression.hide(face)
         skin_overlay.refresh(context, face)

@@ -79,11 +79,6 @@ def check_outputs(
                 raise ValueError(f"{path}: {why}.")
             _refuse(path, kept, own)
             folder, file = os.path.split(os.path.realpath(path))
-            if (folder, file.casefold()) in beside:
-                raise ValueError(
-                    f"{path} would be taken for the landmarks or the mask of a photo; "
-                    "choose another name or folder."
-                )
             other, first = whose.setdefault((folder, file.casefold()), (number, path))
             if other != number:
                 alike = os.path.basename(os.path.realpath(first)) == file
@@ -96,6 +91,12 @@ def check_outputs(
                     f"{asked[other][0]} and {name} {same}; give one of them another "
                     "name."
                 )
+    for place, (_, path) in whose.items():
+        if place in beside:
+            raise ValueError(
+                f"{path} would be taken for the landmarks or the mask of a photo; "
+                "choose another name or folder."
+            )
 
 
 def check_inputs(

@@ -12,6 +12,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector
 
 scene = load("bsface_addon.scene")
+camera_views = load("bsface_addon.camera_views")
 cameras = load("bsface_addon.cameras")
 coordinates = load("bsface_addon.coordinates")
 surface_object = load("bsface_addon.surface_object")
@@ -45,7 +46,7 @@ def test_cameras_project_as_the_core_does(empty_scene, tmp_path, kappa, moved, v
     found = cameras.of_face(face)
     assert [c[cameras.PHOTO_KEY] for c in found] == ["0.png", "1.png", "2.png"]
     for obj, camera in zip(found, result.cameras, strict=True):
-        cameras.look_through(bpy.context, obj)
+        camera_views.look_through(bpy.context, obj)
         bpy.context.view_layer.update()
         seen = [
             world_to_camera_view(
@@ -67,7 +68,7 @@ def test_cameras_of_a_mirrored_face_see_it_mirrored(empty_scene, tmp_path):
     head = np.random.default_rng(3).uniform(-70, 70, (20, 3))
     for obj, camera in zip(cameras.of_face(face), result.cameras, strict=True):
         assert 0 < obj.data.clip_start < 1 < obj.data.clip_end
-        cameras.look_through(bpy.context, obj)
+        camera_views.look_through(bpy.context, obj)
         bpy.context.view_layer.update()
         points = [coordinates.world_frame(face) @ Vector(q) for q in head]
         seen = [world_to_camera_view(empty_scene, obj, point) for point in points]

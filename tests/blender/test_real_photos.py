@@ -10,6 +10,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
 scene = load("bsface_addon.scene")
+camera_views = load("bsface_addon.camera_views")
 cameras = load("bsface_addon.cameras")
 face_file = load("bsface_addon.face_file")
 material = load("bsface_addon.material")
@@ -39,7 +40,7 @@ def reprojection(face):
     views = {view[cameras.PHOTO_KEY]: view for view in cameras.of_face(face)}
     for photo, core in zip(saved.photos, saved.cameras, strict=True):
         name = photo.name
-        cameras.look_through(bpy.context, views[name])
+        camera_views.look_through(bpy.context, views[name])
         bpy.context.view_layer.update()
         width, height = views[name][cameras.SIZE_KEY]
         at = [world_to_camera_view(bpy.context.scene, views[name], q) for q in world]

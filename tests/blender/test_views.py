@@ -9,6 +9,7 @@ from blender.checkout import load
 scene = load("bsface_addon.scene")
 editor = load("bsface_addon.landmark_editor")
 cameras = load("bsface_addon.cameras")
+view_areas = load("bsface_addon.view_areas")
 photo_expression = load("bsface_addon.photo_expression")
 Outcome = load("bsface_addon.solving").Outcome
 showing = load("bsface_addon.showing")
@@ -73,7 +74,7 @@ def test_maps_without_light_and_back(face):
 
 
 def test_the_landmark_editor_gives_the_view_back(face):
-    views = list(cameras.views(bpy.context))
+    views = list(view_areas.views(bpy.context))
     if not views:
         pytest.skip("this build of Blender has no 3D view")
     for view in views:
@@ -99,7 +100,7 @@ def test_leaving_the_cameras_gives_view_camera_and_frame_back(face):
     context.scene.collection.objects.link(own)
     context.scene.camera = own
     render.resolution_x, render.resolution_y, render.pixel_aspect_x = 640, 360, 2.0
-    views = list(cameras.views(context))
+    views = list(view_areas.views(context))
     for view in views:
         view.view_perspective = "ORTHO"
         view.view_distance, view.view_rotation = 3.0, (0.5, 0.5, 0.5, 0.5)
@@ -148,7 +149,7 @@ def test_removing_the_face_leaves_its_cameras(face):
     bpy.ops.bsface.view_photo()
     bpy.ops.bsface.face_remove()
     assert (render.resolution_x, render.resolution_y) == (640, 360)
-    for view in cameras.views(bpy.context):
+    for view in view_areas.views(bpy.context):
         assert view.view_perspective == "PERSP"
 
 
@@ -226,7 +227,7 @@ def test_a_click_on_a_row_goes_to_its_camera(face):
 
 
 def test_undo_takes_the_views_back_too(face):
-    views = list(cameras.views(bpy.context))
+    views = list(view_areas.views(bpy.context))
     for view in views:
         view.view_perspective = "PERSP"
     bpy.ops.ed.undo_push(message="before")
@@ -234,7 +235,7 @@ def test_undo_takes_the_views_back_too(face):
     assert all(view.view_perspective == "CAMERA" for view in views)
     bpy.ops.ed.undo()
     assert bpy.context.scene.camera is None
-    views = list(cameras.views(bpy.context))
+    views = list(view_areas.views(bpy.context))
     assert all(view.view_perspective == "PERSP" for view in views)
 
 
