@@ -69,7 +69,7 @@ def _stl(data: bytes) -> Array:
     if count > 0 and 84 + 50 * count <= len(data):
         record = np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("extra", "<u2")])
         triangles = np.frombuffer(data, record, count, 84)
-        return triangles["v"].reshape(-1, 3).astype(float)
+        return _floats(triangles["v"].reshape(-1, 3))
     rows = re.findall(_START + rb"vertex" + _THREE, data, re.IGNORECASE)
     return np.array(rows, float).reshape(-1, 3)
 
@@ -116,7 +116,13 @@ def _ply(data: bytes) -> Array:
         start = _behind(element, body, start, order)
     fields = [(name, order + kind) for name, (kind,) in vertex.properties]
     found = np.frombuffer(body, fields, vertex.count, start)
-    return np.stack([found[axis].astype(float) for axis in "xyz"], axis=1)
+    return np.stack([_floats(found[axis]) for axis in "xyz"], axis=1)
+
+
+def _floats(numbers: np.ndarray) -> Array:
+    """As float64; those that are not finite are judged later, without a warning."""
+    with np.errstate(invalid="ignore"):
+        return numbers.astype(float)
 
 
 def _behind(element: _Element, body: bytes, start: int, order: str) -> int:
