@@ -115,7 +115,7 @@ class Settings:
     one_person: bool = True
     perspective: bool = True
     # 1.2 m in the template's frame, where it was measured.
-    distance_mm: float = 1290.0
+    distance_mm: float = 1289.0
     expressions: bool = True
     landmark_offset_mm: float = 3.0
     landmark_noise_mm: float = 3.0
