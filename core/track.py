@@ -11,6 +11,7 @@ import numpy as np
 
 from ._types import Array, Indices
 from .camera.camera import Camera
+from .camera.prior import CameraPrior
 from .errors import PhotoFailure, ReconstructionError
 from .images.photo import Photo
 from .images.sources import Photos
@@ -134,12 +135,13 @@ def track(
     settings = Settings.of(face.settings if settings is None else settings)
     inputs = Inputs(face.template, {} if landmarks is None else landmarks, ignore)
     collection = collect_photos(_sources(photos), settings, inputs, progress)
-    options = _motion_options(settings, face)
+    distance_mm = settings.distance_from(face.settings.eye_distance_mm)
+    options = MotionOptions.from_settings(settings, distance_mm)
     known = known_face(face.surface, face.template, options, _source_photos(face))
     found: list[TrackedPhoto] = []
     failures = list(collection.failures)
     for photo, marks in zip(collection.photos, collection.landmarks, strict=True):
-        tracked = _track_photo(known, face, settings, photo, marks)
+        tracked = _track_photo(known, face, settings, options.camera, photo, marks)
         if isinstance(tracked, PhotoFailure):
             failures.append(tracked)
         else:
@@ -153,17 +155,17 @@ def _track_photo(
     known: KnownFace,
     face: Reconstruction,
     settings: Settings,
+    prior: CameraPrior,
     photo: Photo,
     marks: Landmarks,
 ) -> TrackedPhoto | PhotoFailure:
     """The known face in one photo."""
     template = face.template
-    options = _motion_options(settings, face)
     pixels, weight = _on_index(known, marks, template.schemes[marks.scheme])
     focal_px = believable_focal(photo, pixels, known.landmarks_xyz, weight)
     centre = np.array(principal_point(photo))
     seen = PhotoLandmarks(pixels, weight, centre, photo.name, focal_px)
-    pose = estimate_pose_expression(known, seen, options.camera)
+    pose = estimate_pose_expression(known, seen, prior)
     if isinstance(pose, PhotoFailure):
         return pose
     if face.photometric is not None and settings.method != "motion":
@@ -175,7 +177,7 @@ def _track_photo(
             blurs_mm=tuple(size * blur for blur in usual.blurs_mm),
             noise=settings.intensity_noise,
             independence=settings.independence,
-            camera=replace(options.camera, damping=CAMERA_DAMPING),
+            camera=replace(prior, damping=CAMERA_DAMPING),
         )
         pose = refine_pose_expression(known, skin, pose, photo, seen, shading)
     return TrackedPhoto(
@@ -187,11 +189,6 @@ def _track_photo(
         known.with_expression(pose.expression),
         pose.residual_mm,
     )
-
-
-def _motion_options(settings: Settings, face: Reconstruction) -> MotionOptions:
-    distance_mm = settings.distance_from(face.settings.eye_distance_mm)
-    return MotionOptions.from_settings(settings, distance_mm)
 
 
 def _on_index(
