@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.surface.bspline import BSplineSurface
 from ..core.surface.coarse import apply_coarse, coarse_net, mirrored_edit
-from . import face_file, scene, surface_object
+from . import face_file, scene, selection, surface_object
 
 BEFORE = "bsface_coarse_before"
 FACE_BEFORE = "bsface_face_before"
@@ -30,7 +30,7 @@ def editor() -> bpy.types.Object | None:
 
 def open_editor(context: bpy.types.Context, face: bpy.types.Object) -> bpy.types.Object:
     """Show the coarse net of a face, ready to be edited."""
-    scene.leave_edit_mode(context)
+    selection.leave_edit_mode(context)
     surface = face_file.surface(face)
     points, net = surface.control_points, coarse_net(surface)
     obj = surface_object.create_like(context, face, f"{face.name} Coarse Net", net)
@@ -42,7 +42,7 @@ def open_editor(context: bpy.types.Context, face: bpy.types.Object) -> bpy.types
     obj.display_type = "WIRE"
     obj.show_in_front = True
     obj.hide_render = True
-    scene.select_only(context, obj)
+    selection.select_only(context, obj)
     bpy.ops.object.mode_set(mode="EDIT")
     if not bpy.app.background:
         bpy.app.timers.register(_tick, first_interval=INTERVAL_S)
@@ -73,15 +73,14 @@ def close_editor(context: bpy.types.Context, keep: bool) -> None:
     face = obj[scene.COARSE_OF]
     if keep:
         follow(context)
-    scene.leave_edit_mode(context)
+    selection.leave_edit_mode(context)
     if not keep and scene.is_face(face):
         points = np.array(json.loads(obj[FACE_BEFORE]))
         surface_object.write(context, face, points)
-    curve = obj.data
+    curve, chosen = obj.data, selection.kept(obj)
     bpy.data.objects.remove(obj)
     bpy.data.curves.remove(curve)
-    if scene.is_face(face):
-        scene.select_only(context, face)
+    selection.restore(context, chosen)
 
 
 def stop_following() -> None:

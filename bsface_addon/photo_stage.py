@@ -10,17 +10,16 @@ import json
 
 import bpy
 
-from . import camera_views, cameras, view_areas
+from . import camera_views, cameras, selection, view_areas
 
 # On the object that is worked on: what of the scene comes back, as JSON text; and
 # pointers, which outlive a new name, to its scene, to the stage's camera and
-# collection, and to the scene's camera and active object of before.
+# collection, and to the scene's camera of before.
 BEFORE = "bsface_before"
 SCENE = "bsface_stage_scene"
 CAMERA = "bsface_stage_camera"
 COLLECTION = "bsface_stage_collection"
 CAMERA_BEFORE = "bsface_camera_before"
-ACTIVE_BEFORE = "bsface_active_before"
 # On the scene: the object that is worked on.
 OBJECT = "bsface_stage_object"
 PLACE = (0.0, 0.0, 100.0)
@@ -63,6 +62,8 @@ def open_stage(
     bpy.types.Object
         The camera, which every 3D view looks through.
     """
+    selection.keep(obj, selection.current(context))
+    selection.leave_edit_mode(context)
     collection = bpy.data.collections.new(f"BSface {obj.name}")
     context.scene.collection.children.link(collection)
     collection.objects.link(obj)
@@ -77,12 +78,8 @@ def open_stage(
     obj[BEFORE] = json.dumps(_view(context))
     obj[SCENE], obj[CAMERA], obj[COLLECTION] = context.scene, camera, collection
     obj[cameras.SIZE_KEY], context.scene[OBJECT] = camera[cameras.SIZE_KEY], obj
-    for key, block in (
-        (CAMERA_BEFORE, context.scene.camera),
-        (ACTIVE_BEFORE, context.view_layer.objects.active),
-    ):
-        if block is not None:
-            obj[key] = block
+    if context.scene.camera is not None:
+        obj[CAMERA_BEFORE] = context.scene.camera
     camera_views.look_through(context, camera)
     context.view_layer.update()
     for space in view_areas.spaces(context):
@@ -113,7 +110,7 @@ def close_stage(context: bpy.types.Context, obj: bpy.types.Object) -> None:
         bpy.ops.object.mode_set(mode="OBJECT")
     before, camera = json.loads(obj[BEFORE]), obj.get(CAMERA)
     home = obj.get(SCENE, context.scene)  # none where it was deleted
-    owned = [obj.get(CAMERA_BEFORE), obj.get(ACTIVE_BEFORE)]
+    then, chosen = obj.get(CAMERA_BEFORE), selection.kept(obj)
     collection = obj.get(COLLECTION)
     objects = [one for one in (obj, camera) if one is not None]
     data = [one.data for one in objects]
@@ -133,7 +130,15 @@ def close_stage(context: bpy.types.Context, obj: bpy.types.Object) -> None:
     bpy.data.batch_remove([i for i in images if i is not None and i.users == 0])
     if home is not None:
         home.pop(OBJECT, None)
-        _restore(context, before, *owned)
+        camera_views.set_frame(context, before["frame"], then)
+        selection.restore(context, chosen)
+        # Files of version 0.1 may hold an open editor that has not kept it.
+        if "mesh_select_mode" in before:
+            context.tool_settings.mesh_select_mode = before["mesh_select_mode"]
+        for view, state in zip(
+            view_areas.spaces(context), before["views"], strict=False
+        ):
+            camera_views.set_view(view, state)
 
 
 def _let_go(copy: bpy.types.Object) -> None:
@@ -146,16 +151,6 @@ def _let_go(copy: bpy.types.Object) -> None:
 def _view(context):
     return {
         "frame": camera_views.frame(context),
+        "mesh_select_mode": list(context.tool_settings.mesh_select_mode),
         "views": [camera_views.view_state(view) for view in view_areas.spaces(context)],
     }
-
-
-def _restore(context, before, camera, active):
-    camera_views.set_frame(context, before["frame"], camera)
-    context.view_layer.update()
-    layer = context.view_layer.objects
-    layer.active = active if active in layer.values() else None
-    if layer.active is not None:
-        layer.active.select_set(True)
-    for view, then in zip(view_areas.spaces(context), before["views"], strict=False):
-        camera_views.set_view(view, then)

@@ -23,6 +23,7 @@ from . import (
     photo_expression,
     renewal,
     rig,
+    selection,
     shape_keys,
     surface_object,
 )
@@ -77,7 +78,7 @@ def place(
         The face. A new one stands beside those that are there.
     """
     result, maps = outcome.result, outcome.maps
-    with all_or_nothing(context), surface_object.object_mode(context):
+    with all_or_nothing(context), selection.object_mode(context):
         points = result.surface.control_points
         old = [] if face is None else [*cameras.of_face(face), *lights.of_face(face)]
         fresh = face is None
@@ -107,8 +108,8 @@ def place(
             made = renewal.renewed(context, face, old, made)
         rig.note(parent, made)
     if select:
-        leave_edit_mode(context)
-        select_only(context, face)
+        selection.leave_edit_mode(context)
+        selection.select_only(context, face)
     return face
 
 
@@ -186,15 +187,12 @@ def stored(face, key, default):
 def all_or_nothing(context):
     """On an exception: new data goes, active object, selection and mode come back."""
     before = {kind: {d.session_uid for d in getattr(bpy.data, kind)} for kind in _KINDS}
-    layer = context.view_layer
-    active = layer.objects.active
-    mode = "OBJECT" if active is None else active.mode
-    chosen = [obj for obj in layer.objects if obj.select_get()]
+    chosen = selection.current(context)
     camera = context.scene.camera
     try:
         yield
     except BaseException:
-        leave_edit_mode(context)
+        selection.leave_edit_mode(context)
         # An object goes with its data: a face keeps the net that it has now.
         old = [o for o in bpy.data.objects if o.session_uid in before["objects"]]
         kept = {obj.data for obj in old}
@@ -208,20 +206,8 @@ def all_or_nothing(context):
             ]
         )
         context.scene.camera = camera
-        layer.update()
-        for obj in layer.objects:
-            obj.select_set(obj in chosen)
-        layer.objects.active = active
-        if active is not None and active.mode != mode:
-            bpy.ops.object.mode_set(mode=mode)
+        selection.restore(context, chosen)
         raise
-
-
-def leave_edit_mode(context):
-    """Go to object mode, whatever is edited."""
-    active = context.view_layer.objects.active
-    if active is not None and active.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def _free_place(context: bpy.types.Context, left: float, right: float) -> float:
@@ -303,18 +289,3 @@ def _move(obj, collection):
     for other in obj.users_collection:
         other.objects.unlink(obj)
     collection.objects.link(obj)
-
-
-def select_only(context, face):
-    """Make the face the active and only selected object, and visible.
-
-    Not where its collection is excluded from the view layer, or it is in no scene.
-    """
-    context.view_layer.update()
-    if context.view_layer.objects.get(face.name) != face:
-        return
-    face.hide_viewport = False
-    face.hide_set(False)
-    for obj in context.view_layer.objects:
-        obj.select_set(obj == face)
-    context.view_layer.objects.active = face

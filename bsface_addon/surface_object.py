@@ -9,14 +9,11 @@ coordinates (`coordinates`).
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
-
 import bpy
 import numpy as np
 
 from ..core._types import Array, Mask
-from . import coordinates
+from . import coordinates, selection
 
 ORDER = 4
 RESOLUTION = 4
@@ -59,7 +56,7 @@ def create(
         With the identity matrix, shaded smooth, not selected.
     """
     points = _checked(control_points)
-    with object_mode(context):
+    with selection.object_mode(context):
         curve = _grid(context, name, points.shape[0], points.shape[1])
     obj = bpy.data.objects.new(name, curve)
     obj[coordinates.UNIT_KEY] = coordinates.units_per_mm(context, scale)
@@ -126,7 +123,7 @@ def resize(
     if curve.is_editmode:
         raise ValueError(f"leave edit mode of {obj.name} first")
     steps = curve.resolution_u, curve.resolution_v
-    with object_mode(context):
+    with selection.object_mode(context):
         # Where Blender cannot make the patch, the face keeps the one it has.
         bpy.data.curves.remove(_grid(context, curve.name, *count))
         _make_patch(context, curve, *count)
@@ -215,38 +212,6 @@ def set_resolution(obj: bpy.types.Object, steps: int) -> None:
     """Evaluated quads per control point, both ways."""
     obj.data.resolution_u = obj.data.resolution_v = steps
     obj.data.render_resolution_u = obj.data.render_resolution_v = 0
-
-
-@contextlib.contextmanager
-def object_mode(context: bpy.types.Context) -> Iterator[None]:
-    """Inside: object mode and nothing selected; afterwards as it was before."""
-    layer = context.view_layer
-    active, mode = layer.objects.active, "OBJECT"
-    if active is not None:
-        mode = active.mode
-        if mode != "OBJECT":
-            bpy.ops.object.mode_set(mode="OBJECT")
-    chosen = [obj for obj in layer.objects if obj.select_get()]
-    for obj in chosen:
-        obj.select_set(False)
-    try:
-        yield
-    finally:
-        layer.update()
-        for obj in filter(_exists, chosen):
-            obj.select_set(True)
-        if _exists(active):
-            layer.objects.active = active
-            if active.mode != mode:
-                bpy.ops.object.mode_set(mode=mode)
-
-
-def _exists(obj: bpy.types.Object | None) -> bool:
-    """Whether an object is still there: what is removed meanwhile is only a name."""
-    try:
-        return obj is not None and bool(obj.name)
-    except ReferenceError:
-        return False
 
 
 def _in_blenders_order(obj: bpy.types.Object, points: Array) -> Array:

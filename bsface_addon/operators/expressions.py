@@ -15,6 +15,7 @@ from .. import (
     photo_list,
     request,
     scene,
+    selection,
     surface_object,
 )
 from .photos import ready
@@ -125,7 +126,7 @@ class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operato
 
         moved = expression_of(outcome.result.surface, request.start, load_template())
         with scene.all_or_nothing(context):
-            scene.leave_edit_mode(context)
+            selection.leave_edit_mode(context)
             photo_expression.hide(face)
             made_keys.check_word(face, self.expression)
             # On the basis as it is now: the net may have been edited meanwhile.

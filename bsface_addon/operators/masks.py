@@ -90,7 +90,6 @@ class BSFACE_OT_mask_edit(RowOperator, LongOperator, bpy.types.Operator):
         if photo_stage.is_open():  # since the photo began to be read
             raise ReconstructionError(messages.STAGE_OPEN)
         with scene.all_or_nothing(context):
-            scene.leave_edit_mode(context)
             mask_editor.open_editor(context, outcome)
 
 

@@ -20,6 +20,7 @@ from .. import (
     messages,
     photo_expression,
     scene,
+    selection,
     surface_object,
 )
 from ..face_file import StoredFace
@@ -179,7 +180,7 @@ class BSFACE_OT_arkit_keys(ChangingOperator, LongOperator, bpy.types.Operator):
 
     def deliver(self, context, request, outcome):
         face = self.kept(context)
-        with scene.all_or_nothing(context), surface_object.object_mode(context):
+        with scene.all_or_nothing(context), selection.object_mode(context):
             photo_expression.hide(face)
             # On the net as it is now: it may have been edited meanwhile.
             neutral = surface_object.read(face)

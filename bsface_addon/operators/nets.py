@@ -6,7 +6,14 @@ import bpy
 from bpy.props import BoolProperty
 
 from ...core.errors import ReconstructionError
-from .. import coarse_editor, coordinates, messages, photo_expression, scene
+from .. import (
+    coarse_editor,
+    coordinates,
+    messages,
+    photo_expression,
+    scene,
+    selection,
+)
 from .refusals import refusals_reported
 from .surface import ChangingOperator, FaceOperator
 
@@ -27,7 +34,7 @@ class BSFACE_OT_surface_net(FaceOperator, bpy.types.Operator):
             raise ReconstructionError(messages.COARSE_OPEN)
         face = scene.active_face(context)
         editing = face.mode == "EDIT"
-        scene.leave_edit_mode(context)
+        selection.leave_edit_mode(context)
         if not editing:
             _in_sight(context)
             bpy.ops.object.mode_set(mode="EDIT")
@@ -44,13 +51,17 @@ class BSFACE_OT_coarse_edit(ChangingOperator, bpy.types.Operator):
 
     @refusals_reported
     def execute(self, context):
+        before = selection.current(context)
         face = _in_sight(context)
         photo_expression.hide(face)
         try:
-            coarse_editor.open_editor(context, face)
+            net = coarse_editor.open_editor(context, face)
         except ValueError as error:
+            selection.restore(context, before)
             self.report({"ERROR"}, messages.TOO_FEW_POINTS.format(why=error))
             return {"CANCELLED"}
+        # Of before the face was selected to be edited.
+        selection.keep(net, before)
         _fit_proportional_size(context, face)
         return {"FINISHED"}
 
@@ -78,11 +89,12 @@ class BSFACE_OT_coarse_done(bpy.types.Operator):
 
 def _in_sight(context: bpy.types.Context) -> bpy.types.Object:
     """The face that the buttons mean, selected and ready to be edited."""
-    face = scene.active_face(context)
-    scene.leave_edit_mode(context)
-    scene.select_only(context, face)
+    face, before = scene.active_face(context), selection.current(context)
+    selection.leave_edit_mode(context)
+    selection.select_only(context, face)
     context.view_layer.update()
     if not face.visible_get():
+        selection.restore(context, before)
         raise ReconstructionError(messages.OUT_OF_SIGHT.format(name=face.name))
     return face
 

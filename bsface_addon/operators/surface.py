@@ -20,6 +20,7 @@ from .. import (
     removal,
     request,
     scene,
+    selection,
     shape_keys,
     showing,
     surface_object,
@@ -129,7 +130,7 @@ class BSFACE_OT_surface_resample(ChangingOperator, bpy.types.Operator):
     def execute(self, context):
         face = scene.active_face(context)
         count = (self.control_points_u, self.control_points_v)
-        scene.leave_edit_mode(context)
+        selection.leave_edit_mode(context)
         photo_expression.hide(face)
         keys = face.data.shape_keys
         names = [None] if keys is None else keys.key_blocks.keys()
@@ -170,7 +171,7 @@ class BSFACE_OT_surface_symmetrise(ChangingOperator, bpy.types.Operator):
         surface = face_file.surface(face)
         points = symmetrised(surface, self.side.lower(), self.amount).control_points
         with scene.all_or_nothing(context):
-            scene.leave_edit_mode(context)
+            selection.leave_edit_mode(context)
             surface_object.write(context, face, points)
         return {"FINISHED"}
 
@@ -240,7 +241,7 @@ class BSFACE_OT_face_remove(ChangingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        scene.leave_edit_mode(context)
+        selection.leave_edit_mode(context)
         removal.remove_face(context, scene.active_face(context))
         return {"FINISHED"}
 
@@ -260,7 +261,7 @@ class BSFACE_OT_leftovers_remove(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        scene.leave_edit_mode(context)
+        selection.leave_edit_mode(context)
         count = removal.remove_leftovers(context)
         self.report({"INFO"}, messages.REMOVED.format(count=count))
         return {"FINISHED"}

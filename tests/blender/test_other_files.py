@@ -6,6 +6,7 @@ from blender.checkout import load
 from blender.faces import points
 
 scene = load("bsface_addon.scene")
+selection = load("bsface_addon.selection")
 
 CHANGERS = (
     "surface_refit",
@@ -57,7 +58,7 @@ def test_a_linked_face_is_read_but_not_changed(brought, tmp_path, way):
     bpy.ops.bsface.surface_to_mesh(density="LOW", keys=False)
     # The remedy of the sentence, and a face beside the linked one.
     assert bpy.ops.bsface.reconstruct(directory=photos, separate=True) == {"FINISHED"}
-    scene.select_only(bpy.context, ann)
+    selection.select_only(bpy.context, ann)
     bpy.ops.object.make_local(type="SELECT_OBDATA")
     assert bpy.ops.bsface.surface_symmetrise() == {"FINISHED"}
 

@@ -125,6 +125,28 @@ def test_what_was_active_and_the_camera_may_be_renamed_meanwhile(rows, kind):
     assert scene.camera == bpy.context.view_layer.objects.active == own
 
 
+@pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
+@pytest.mark.parametrize("kind", [*EDITORS, "coarse"])
+def test_selection_and_modes_come_back(rows, kind, mode):
+    box = bpy.data.objects.new("box", bpy.data.meshes.new("box"))
+    bpy.context.scene.collection.objects.link(box)
+    props = {mine("prop"), box}
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj in props)
+    bpy.context.view_layer.objects.active = box
+    bpy.ops.object.mode_set(mode=mode)
+    tools = bpy.context.tool_settings
+    tools.mesh_select_mode = (False, True, False)
+    given = {} if kind == "coarse" else {"photo": "1.png"}
+    getattr(bpy.ops.bsface, f"{kind}_edit")(**given)
+    assert bpy.context.object != box and box.mode == "OBJECT"
+    next(iter(props - {box})).name = "renamed"
+    done(kind, keep=False)
+    assert set(bpy.context.selected_objects) == props
+    assert bpy.context.object == box and box.mode == mode
+    assert tuple(tools.mesh_select_mode) == (False, True, False)
+
+
 def test_brushes_that_undo_took_away_are_made_again(rows):
     edit("mask")
     bpy.data.batch_remove([b for b in bpy.data.brushes if mask_editor.KIND in b])

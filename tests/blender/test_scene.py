@@ -12,6 +12,7 @@ from blender.checkout import load
 from mathutils import Matrix, Vector
 
 scene = load("bsface_addon.scene")
+selection = load("bsface_addon.selection")
 stored_facts = load("bsface_addon.stored_facts")
 cameras = load("bsface_addon.cameras")
 face_file = load("bsface_addon.face_file")
@@ -201,7 +202,7 @@ def test_what_blenders_delete_leaves_behind_can_be_removed(painted_face, through
     if through:
         bpy.ops.bsface.view_photo()
     assert not bpy.ops.bsface.leftovers_remove.poll()
-    scene.select_only(bpy.context, face)
+    selection.select_only(bpy.context, face)
     bpy.ops.object.delete()
     assert scene.active_face(bpy.context) is None
     assert len(bpy.context.scene.objects) == 8

@@ -7,6 +7,7 @@ from blender import faces
 from blender.checkout import load
 
 scene = load("bsface_addon.scene")
+selection = load("bsface_addon.selection")
 editor = load("bsface_addon.landmark_editor")
 cameras = load("bsface_addon.cameras")
 view_areas = load("bsface_addon.view_areas")
@@ -26,7 +27,7 @@ def test_only_what_surrounds_the_face_is_hidden(face):
     around, small = cube(2.0), cube(0.001)
     beside = cube(2.0)
     beside.location.x = 5
-    scene.select_only(bpy.context, face)
+    selection.select_only(bpy.context, face)
     # What belongs to the face does not count.
     bpy.ops.bsface.surface_to_mesh(density="LOW", keys=False)
     bpy.context.view_layer.update()
