@@ -8,7 +8,7 @@ import numpy as np
 from ..core._types import Array
 from ..core.errors import ReconstructionError
 from ..core.surface.bspline import resampled_net
-from . import made_keys, messages, surface_object
+from . import attachments, made_keys, messages, surface_object
 
 
 def write(
@@ -16,7 +16,8 @@ def write(
 ) -> None:
     """As `surface_object.write`, but a net of another size keeps the shape keys.
 
-    Each key moves the new surface as it moved the old one.
+    Each key moves the new surface as it moved the old one.  What hangs on control
+    points goes along, see `attachments`.
 
     Parameters
     ----------
@@ -28,8 +29,12 @@ def write(
         The keys are no finite numbers; nothing has changed.
     """
     keys, count = obj.data.shape_keys, control_points.shape[:2]
-    if keys is None or surface_object.shape(obj) == count:
+    if surface_object.shape(obj) == count:
         surface_object.write(context, obj, control_points)
+        return
+    if keys is None:
+        with attachments.carried(context, obj):
+            surface_object.write(context, obj, control_points)
         return
     blocks = [key for key in keys.key_blocks if key != keys.reference_key]
     basis = surface_object.read(obj)
@@ -37,8 +42,9 @@ def write(
     if not np.isfinite([basis, *moved]).all():
         raise ReconstructionError(messages.NO_NUMBERS.format(name=obj.name))
     ours = made_keys.unchanged(obj)
-    surface_object.resize(context, obj, count)
-    surface_object.write(context, obj, control_points)
+    with attachments.carried(context, obj):
+        surface_object.resize(context, obj, count)
+        surface_object.write(context, obj, control_points)
     for key, move in zip(blocks, moved, strict=True):
         points = control_points + resampled_net(move, count)
         surface_object.add_shape_key(obj, key.name, points)

@@ -71,8 +71,12 @@ def test_a_net_that_nobody_sees_is_not_edited(face, name, way):
     collection = face.users_collection[0].name
     layer = bpy.context.view_layer.layer_collection.children[collection]
     setattr(layer, way, True)
+    prop = bpy.data.objects.new("prop", None)
+    bpy.context.scene.collection.objects.link(prop)
+    prop.select_set(True)
     with pytest.raises(RuntimeError, match="Ann is in a collection that"):
         getattr(bpy.ops.bsface, name)()
+    assert bpy.context.selected_objects == [prop]
     assert {obj.mode for obj in bpy.data.objects} == {"OBJECT"}
     assert coarse_editor.editor() is None
 

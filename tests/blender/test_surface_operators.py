@@ -77,6 +77,33 @@ def test_resample_keeps_shape_and_shape_keys(face):
     np.testing.assert_allclose(smile, grid + (0, 0, 2), atol=1e-3)
 
 
+def test_what_hangs_on_control_points_goes_along(face):
+    hung = []
+    for kind, numbers in (("VERTEX", (100, 0, 0)), ("VERTEX_3", (100, 101, 117))):
+        child = bpy.data.objects.new(kind, None)
+        bpy.context.scene.collection.objects.link(child)
+        child.parent, child.parent_type, child.parent_vertices = face, kind, numbers
+        child.location = (0.01, 0.02, 0.03)
+        hung.append(child)
+    hook = face.modifiers.new("Hook", "HOOK")
+    hook.vertex_indices_set([100])
+    bpy.context.view_layer.update()
+    before = np.array([child.matrix_world for child in hung])
+    spot = points(face)[100 % 16, 100 // 16]
+    # Finer, then as coarse as the three points allow.
+    for count in (40, 5):
+        bpy.ops.bsface.surface_resample(control_points_u=count, control_points_v=count)
+        bpy.context.view_layer.update()
+        after = np.array([child.matrix_world for child in hung])
+        np.testing.assert_allclose(after, before, atol=1e-6)
+        assert hung[0].location[:] == pytest.approx((0.01, 0.02, 0.03))
+        assert len(set(hung[1].parent_vertices)) == 3
+        net = points(face).transpose(1, 0, 2).reshape(-1, 3)
+        reach = 10 if count == 40 else 100
+        assert np.linalg.norm(net[hung[0].parent_vertices[0]] - spot) < reach
+        assert hung[0].parent_vertices[0] in list(hook.vertex_indices)
+
+
 @pytest.mark.parametrize("side", ["BOTH", "LEFT", "RIGHT"])
 def test_symmetrise(face, side):
     b = points(face)
