@@ -174,8 +174,8 @@ def to_mask(strokes: Array32) -> bytes:
     return found if (decode_mask(found) != 0.5).any() else b""
 
 
-def turned_back(painted: bytes, quarters: int) -> bytes:
-    """The mask of a copy, turned clockwise by quarters, as that of the original."""
-    if quarters == 0:
+def turned(painted: bytes, quarters: int) -> bytes:
+    """The mask of a photo, as that of its copy turned clockwise by quarters."""
+    if quarters % 4 == 0:
         return painted
-    return encode_mask(np.rot90(decode_mask(painted), quarters))
+    return encode_mask(np.rot90(decode_mask(painted), -quarters))

@@ -198,8 +198,8 @@ class BSFACE_OT_mask_save(PaintedOperator, bpy.types.Operator):
     def files(self, context):
         """Path -> content of the files to write."""
         return {
-            photo_list.original(row).with_suffix(ENDING): skin_pictures.turned_back(
-                photo_list.mask(row), row.quarters
+            photo_list.original(row).with_suffix(ENDING): skin_pictures.turned(
+                photo_list.mask(row), -row.quarters
             )
             for row in self.rows(context)
         }

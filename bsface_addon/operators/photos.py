@@ -229,11 +229,17 @@ class BSFACE_OT_photos_turn(RowOperator, LongOperator, bpy.types.Operator):
 
     def prepare(self, context):
         row = self.wanted(context)
+        known = photo_list.landmarks(row)
+        if known is not None and known.source == "detected":
+            known = None  # they are looked for again in the turned photo
         return turned.PhotoToTurn(
             row.name,
             photo_list.original(row),
+            row.quarters,
             (row.quarters + self.quarters) % 4,
             turned.folder(),
+            known,
+            photo_list.mask(row),
         )
 
     @staticmethod
@@ -245,18 +251,13 @@ class BSFACE_OT_photos_turn(RowOperator, LongOperator, bpy.types.Operator):
         row = photo_list.find(state, request.name)
         if row.quarters == request.quarters:
             return
-        known, lost = photo_list.landmarks(row), []
-        if known is not None and known.source != "detected":
-            lost.append("its landmarks")
-        if row.mask is not None:
-            lost.append("its painted mask")
-        if lost:
-            what = " and ".join(lost)
-            text = messages.TURNED.format(name=request.name, what=what)
-            self.report({"WARNING"}, text)
-        photo_list.set_path(state, row, outcome)
+        photo_list.set_path(state, row, outcome.path)
         if request.quarters:
             row.original, row.quarters = str(request.original), request.quarters
+        photo_list.keep_mask(row, outcome.mask)
+        if outcome.landmarks is not None:
+            photo_list.keep_landmarks(row, outcome.landmarks)
+            row.status = "found"
 
 
 class BSFACE_FH_photos(bpy.types.FileHandler):

@@ -309,18 +309,6 @@ def test_a_mask_file_that_is_replaced_is_told(rows, tmp_path, capfd):
     assert path.read_bytes() != grey
 
 
-def test_turning_a_photo_says_what_goes(rows, capfd):
-    bpy.ops.bsface.mask_edit(photo="0.png")
-    paint(slice(0, 40), (0, 0, 0, 1))
-    bpy.ops.bsface.mask_done()
-    bpy.ops.bsface.photos_turn(photo="0.png", quarters=0)
-    assert rows[0].mask is not None
-    capfd.readouterr()
-    bpy.ops.bsface.photos_turn(photo="0.png", quarters=1)
-    assert "0.png is turned; its painted mask did not fit" in capfd.readouterr().out
-    assert rows[0].mask is None
-
-
 def test_another_picture_in_the_row_has_no_mask(face, rows, tmp_path):
     bpy.ops.bsface.mask_edit(photo="0.png")
     paint(slice(0, 40), (0, 0, 0, 1))

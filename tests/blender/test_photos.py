@@ -1,6 +1,7 @@
 """The photo list and its operators."""
 
 import sys
+from pathlib import Path
 
 import bpy
 import cv2
@@ -10,6 +11,7 @@ from blender import faces
 from blender.checkout import load
 
 photo_list = load("bsface_addon.photo_list")
+landmarks = load("core.landmarks.landmarks")
 cameras = load("bsface_addon.cameras")
 
 
@@ -118,6 +120,40 @@ def test_turning_makes_a_copy_and_four_turns_come_back(rows, tmp_path):
     assert photo_list.absolute(rows[1]) == path and rows[1].quarters == 0
     assert path.read_bytes() == before
     assert names()[1] == "1.png"
+
+
+def test_what_a_person_gave_is_turned_with_the_photo(rows, tmp_path):
+    photo = str(tmp_path / "photos" / "0.png")
+    width, height = faces.SIZE
+    mark = (30, 70)  # x and y of the only white pixel of the photo
+    picture = np.zeros((height, width), np.uint8)
+    picture[mark[1], mark[0]] = 255
+    cv2.imwrite(photo, picture)
+    cv2.imwrite(str(tmp_path / "photos" / "0.mask.png"), 255 - picture)
+    row = rows[0]
+    points = np.tile(mark, (40, 1)) + np.eye(40, 2)
+    given = landmarks.Landmarks("0.png", "40", points, np.ones(40), source="hand")
+    landmarks.write_landmarks(tmp_path / "photos" / "0.json", given)
+    photo_list.keep_landmarks(row, given)
+    painted = np.full((height, width), 128, np.uint8)
+    painted[mark[1], mark[0]] = 255
+    photo_list.keep_mask(row, cv2.imencode(".png", painted)[1].tobytes())
+    for quarters in (1, 1, 1, 1):
+        bpy.ops.bsface.photos_turn(quarters=quarters)
+        path = photo_list.absolute(row)
+        shown = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        (y,), (x,) = np.nonzero(shown)
+        known = photo_list.landmarks(row).points
+        np.testing.assert_allclose(known[2:], [(x, y)] * 38)
+        assert photo_list.landmarks(row).source == "hand" and row.status == "found"
+        mask = cv2.imdecode(np.frombuffer(photo_list.mask(row), np.uint8), 0)
+        assert mask.shape == shown.shape and mask[y, x] == 255
+        # The files beside it count for the copy too.
+        beside = cv2.imread(str(path.with_suffix(".mask.png")), cv2.IMREAD_GRAYSCALE)
+        np.testing.assert_array_equal(beside, 255 - shown)
+        found = landmarks.read_landmarks(path.with_suffix(".json"))
+        np.testing.assert_allclose(found.points, known)
+    assert path == Path(photo) and (x, y) == mark
 
 
 def test_an_unreadable_photo_cannot_be_turned(rows, tmp_path):
