@@ -15,8 +15,9 @@ import numpy as np
 
 from ..core.drawing.pictures import encode_png
 from ..core.errors import ReconstructionError
-from . import messages
+from . import material_nodes, messages
 from .maps import Map
+from .material_nodes import DETAIL, PLAIN, bend_normals
 from .packed_image import packed_image, pixels_of
 
 # kind -> the name of its image and whether the light of the scene falls on it
@@ -27,9 +28,6 @@ MAPS = {
     "RESIDUAL": ("Residual", False),
     "DEVIATION": ("Deviation", False),
 }
-# A tangent-space normal map: never shown as colours, always on the lit skin.
-DETAIL = "DETAIL"
-PLAIN = (0.62, 0.42, 0.33, 1.0)
 KIND_KEY = "bsface_map"
 # The picture that was last on the lit shader, and what the artist had put between: the
 # second with the kind of picture after it.
@@ -39,7 +37,6 @@ LEGEND_KEY = "bsface_legend"
 WHOLE_KEY = "bsface_whole"
 # Hash of the picture as it was made, before anybody painted on it.
 MADE_KEY = "bsface_made"
-_NODES = ("Output", "Skin", "Flat", "Plain")
 # Names of kinds in files of version 0.1.
 OLD_KINDS = {"CONFIDENCE": "DEVIATION"}
 
@@ -48,8 +45,8 @@ def of_face(face: bpy.types.Object) -> bpy.types.Material:
     """The face's own material; made where it has none yet."""
     found = existing(face)
     if found is not None:
-        if any(name not in found.node_tree.nodes for name in _NODES):
-            _nodes(found)  # the user deleted some
+        if any(name not in found.node_tree.nodes for name in material_nodes.NAMES):
+            material_nodes.make(found)  # the user deleted some
         return found
     material = bpy.data.materials.new(f"BSface {face.name}")
     material["bsface"] = True
@@ -58,7 +55,7 @@ def of_face(face: bpy.types.Object) -> bpy.types.Material:
     material.node_tree.nodes.clear()
     material.diffuse_color = PLAIN
     material.roughness = 0.5
-    _nodes(material)
+    material_nodes.make(material)
     face.data.materials.append(material)
     return material
 
@@ -211,7 +208,7 @@ def show(face: bpy.types.Object, kind: str) -> None:
         raise KeyError(kind)
     material = of_face(face)
     nodes, links = material.node_tree.nodes, material.node_tree.links
-    skin, flat, cut = nodes["Skin"], nodes["Flat"], _cutter(material)
+    skin, flat, cut = nodes["Skin"], nodes["Flat"], material_nodes.cutter(material)
     shader = skin if is_lit(kind) else flat
     colour = skin.inputs["Base Color"] if is_lit(kind) else flat.inputs["Color"]
     source = None
@@ -285,48 +282,6 @@ def _cut(image: bpy.types.Image, on: bool) -> None:
     image.alpha_mode = "STRAIGHT" if on else "NONE"
 
 
-def _nodes(material: bpy.types.Material) -> None:
-    """Make the nodes that are not there; those of the user stay."""
-    nodes, links = material.node_tree.nodes, material.node_tree.links
-    fresh = "Skin" not in nodes
-    for name, kind, place in (
-        ("Output", "ShaderNodeOutputMaterial", (500, 0)),
-        ("Skin", "ShaderNodeBsdfPrincipled", (0, 0)),
-        ("Flat", "ShaderNodeEmission", (0, -420)),
-        ("Plain", "ShaderNodeTexImage", (-340, 300)),
-    ):
-        if name not in nodes:
-            node = nodes.new(kind)
-            node.name, node.location = name, place
-    cut = _cutter(material)
-    if not nodes["Output"].inputs["Surface"].is_linked:
-        links.new(cut.outputs[0], nodes["Output"].inputs["Surface"])
-    if fresh:
-        skin = nodes["Skin"]
-        skin.inputs["Base Color"].default_value = PLAIN
-        skin.inputs["Roughness"].default_value = 0.5
-        if not cut.inputs[2].is_linked:
-            links.new(skin.outputs[0], cut.inputs[2])
-        if DETAIL in nodes:
-            bend_normals(skin, nodes[DETAIL])
-
-
-def _cutter(material: bpy.types.Material) -> bpy.types.Node:
-    """The node that lets through what a map's transparency takes away."""
-    nodes, links = material.node_tree.nodes, material.node_tree.links
-    cut = nodes.get("Cut")
-    if cut is None:
-        cut = nodes.new("ShaderNodeMixShader")
-        clear = nodes.new("ShaderNodeBsdfTransparent")
-        cut.name, cut.location = "Cut", (300, 0)
-        clear.name, clear.location = "Clear", (100, 160)
-        links.new(clear.outputs[0], cut.inputs[1])
-        links.new(cut.outputs[0], nodes["Output"].inputs["Surface"])
-        cut.inputs["Fac"].default_value = 1.0
-        links.new(nodes["Skin"].outputs[0], cut.inputs[2])
-    return cut
-
-
 def _node(face: bpy.types.Object, kind: str) -> bpy.types.Node:
     nodes = of_face(face).node_tree.nodes
     if kind == "PLAIN":
@@ -343,12 +298,3 @@ def _node(face: bpy.types.Object, kind: str) -> bpy.types.Node:
         if kind == DETAIL:
             bend_normals(nodes["Skin"], node)
     return node
-
-
-def bend_normals(shader: bpy.types.Node, picture: bpy.types.Node) -> None:
-    """Let a tangent-space normal map turn the normals that a shader sees."""
-    tree = shader.id_data
-    bend = tree.nodes.get("Normal Map") or tree.nodes.new("ShaderNodeNormalMap")
-    bend.name, bend.location = "Normal Map", (-120, picture.location.y)
-    tree.links.new(picture.outputs["Color"], bend.inputs["Color"])
-    tree.links.new(bend.outputs["Normal"], shader.inputs["Normal"])
