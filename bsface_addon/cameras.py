@@ -15,7 +15,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import coordinates, rig
+from . import coordinates, photo_list, rig
 from .orientation import orientation
 from .rig import PHOTO_KEY
 
@@ -153,6 +153,18 @@ def photo_image(photo):
         return None
     image.name = photo.name
     return image
+
+
+def find_photo(view):
+    """Let a camera show its photo where that was moved together with the .blend."""
+    for slot in view.data.background_images:
+        image = slot.image
+        if image is None or image.packed_file or not image.is_editable:
+            continue
+        path = Path(bpy.path.abspath(image.filepath))
+        now = photo_list.moved_along(path)
+        if now != path:
+            image.filepath = str(now)
 
 
 def of_face(face):

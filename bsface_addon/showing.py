@@ -125,6 +125,7 @@ def photo(
     context: bpy.types.Context, face: bpy.types.Object, view: bpy.types.Object
 ) -> None:
     """Look through the camera of a photo, at the face with that photo's expression."""
+    cameras.find_photo(view)
     camera_views.look_through(context, view)
     photo_expression.show(face, view[cameras.PHOTO_KEY])
     skin_overlay.refresh(context, face)

@@ -27,6 +27,8 @@ def refresh(context: bpy.types.Context, face: bpy.types.Object | None) -> None:
     """Tint the photo that one looks through, if that is switched on; no other."""
     state, now = context.scene.bsface, context.scene.camera
     for view in [] if face is None else cameras.of_face(face):
+        if not _is_own(view):
+            continue  # what is done to a linked camera is not saved, or not done
         hide(view)
         known = view.get(cameras.SKIN_KEY)
         if view == now and state.show_skin and known:
@@ -34,6 +36,10 @@ def refresh(context: bpy.types.Context, face: bpy.types.Object | None) -> None:
             row = rows.get(view[cameras.PHOTO_KEY])
             painted = b"" if row is None else photo_list.mask(row)
             _show(view, skin_pictures.tint(known, painted))
+
+
+def _is_own(view: bpy.types.Object) -> bool:
+    return view.data.library is None and view.data.override_library is None
 
 
 def _show(view: bpy.types.Object, tint: bytes) -> None:

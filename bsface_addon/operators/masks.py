@@ -40,6 +40,7 @@ class BSFACE_OT_skin_show(ViewOperator, bpy.types.Operator):
     bl_idname = "bsface.skin_show"
     bl_label = "Skin Mask"
     bl_options = {"REGISTER", "UNDO"}
+    edits = True
 
     show: BoolProperty(name="Show", default=True)
 

@@ -1,12 +1,19 @@
 """Faces of other .blend files, and operators that scripts call with wrong files."""
 
+from pathlib import Path
+
 import bpy
+import numpy as np
 import pytest
+from blender import faces
 from blender.checkout import load
 from blender.faces import points
 
 scene = load("bsface_addon.scene")
 selection = load("bsface_addon.selection")
+cameras = load("bsface_addon.cameras")
+skin_pictures = load("bsface_addon.skin_pictures")
+SkinMask = load("core.photometry.skin").SkinMask
 
 CHANGERS = (
     "surface_refit",
@@ -64,8 +71,12 @@ def test_a_linked_face_is_read_but_not_changed(brought, tmp_path, way):
 
 
 @pytest.mark.parametrize("way", ["linked", "override"])
-@pytest.mark.parametrize("name", ["surface_to_mesh", "full_head"])
-def test_a_mesh_of_a_face_in_a_linked_collection(face, tmp_path, way, name):
+def test_a_face_in_a_linked_collection(face, solver, tmp_path, way):
+    half = np.ones((faces.SIZE[1] // 4, faces.SIZE[0] // 4), np.float32)
+    photo = solver.answer.result.photos[0]
+    skin = skin_pictures.measured(SkinMask(half, (0.0, 0.0, 0.25)), photo)
+    for view in cameras.of_face(face):
+        view[cameras.SKIN_KEY] = skin
     path = str(tmp_path / "people.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -77,8 +88,16 @@ def test_a_mesh_of_a_face_in_a_linked_collection(face, tmp_path, way, name):
     if way == "override":
         home = home.override_hierarchy_create(now, bpy.context.view_layer)
     bpy.context.view_layer.objects.active = home.objects["Ann"]
-    assert getattr(bpy.ops.bsface, name)(density="LOW", keys=False) == {"FINISHED"}
-    assert [obj.type for obj in now.collection.objects] == ["MESH"]
+    given = {"density": "LOW", "keys": False}
+    assert bpy.ops.bsface.surface_to_mesh(**given) == {"FINISHED"}
+    assert bpy.ops.bsface.full_head(**given) == {"FINISHED"}
+    assert [obj.type for obj in now.collection.objects] == ["MESH", "MESH"]
+    # The tint would be a change of its cameras.
+    with pytest.raises(RuntimeError, match="Ann is linked .* make it local"):
+        bpy.ops.bsface.skin_show()
+    now.bsface.show_skin = True
+    assert bpy.ops.bsface.view_photo() == {"FINISHED"}
+    assert len(now.camera.data.background_images) == 1
 
 
 def test_an_appended_face_is_refitted_to_its_own_photos(brought, solved):
@@ -132,6 +151,10 @@ def test_photos_that_moved_with_the_blend_file_are_found(face, solved, tmp_path,
     old.rename(new)
     bpy.ops.wm.open_mainfile(filepath=str(new / at / "a.blend"))
     there = {new / "photos" / f"{number}.png" for number in range(3)}
+    bpy.ops.bsface.view_photo()
+    (slot,) = bpy.context.scene.camera.data.background_images
+    shown = Path(bpy.path.abspath(slot.image.filepath)).resolve()
+    assert shown in there and slot.image.size[0] == faces.SIZE[0]
     for _ in range(2):
         assert bpy.ops.bsface.surface_refit() == {"FINISHED"}
         assert set(solved[-1].photos) == there
