@@ -117,6 +117,16 @@ LINKED = (
 )
 NO_FILE_NAME = "{path!r} is a folder; give the file to write a name"
 UNKNOWN_ENDING = "{path}: unknown ending; choose one of {kinds}"
+TOGETHER = (
+    "The whole net of {name} was moved or scaled since the last run, as Set Origin and "
+    "Apply do, and its cameras do not fit; undo that, or press Refit, Holding None"
+)
+NET_SIZE = (
+    "{name} has {across} x {down} control points, and a run takes {least} to {most}; "
+    "press Resample first"
+)
+NO_AMOUNT = "The amount must be a number from 0 to 1"
+NO_LANDMARK_FILE = "Choose a landmark file, its name ends in .pts or .json"
 NO_SIZE = "{name} is scaled to nothing; clear its scale (Alt S)"
 BAD_SIZE = "The size of the face is no finite number; press Reset in the settings"
 NO_NUMBERS = (

@@ -223,8 +223,11 @@ class BSFACE_OT_landmarks_import(LandmarkFile, bpy.types.Operator):
         row = self.row(context)
         if row is None:
             return {"CANCELLED"}
+        path = bpy.path.abspath(self.filepath)
+        if not path or Path(path).is_dir():
+            self.report({"ERROR"}, messages.NO_LANDMARK_FILE)
+            return {"CANCELLED"}
         try:
-            path = bpy.path.abspath(self.filepath)
             photo_list.keep_landmarks(row, read_landmarks(path, row.name))
         except LandmarkFileError as error:
             self.report({"ERROR"}, str(error))
@@ -258,8 +261,12 @@ class BSFACE_OT_landmarks_export(LandmarkFile, bpy.types.Operator):
             if row is not None:
                 self.report({"ERROR"}, messages.NO_LANDMARKS.format(name=row.name))
             return {"CANCELLED"}
+        path = Path(bpy.path.abspath(self.filepath))
+        if not self.filepath or path.is_dir():
+            self.report({"ERROR"}, messages.NO_FILE_NAME.format(path=str(path)))
+            return {"CANCELLED"}
         try:
-            landmark_editor.write(Path(bpy.path.abspath(self.filepath)), found)
+            landmark_editor.write(path, found)
         except (ReconstructionError, ValueError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -162,6 +162,11 @@ def test_wrong_files_are_refused_in_one_sentence(rows, tmp_path):
         bpy.ops.bsface.landmarks_import(photo="1.png", filepath=str(path))
     with pytest.raises(RuntimeError, match="is a file"):
         bpy.ops.bsface.landmarks_export(photo="0.png", filepath=str(path / "a.json"))
+    for nothing in ("", f"{tmp_path}/"):
+        with pytest.raises(RuntimeError, match="Choose a landmark file"):
+            bpy.ops.bsface.landmarks_import(photo="1.png", filepath=nothing)
+        with pytest.raises(RuntimeError, match="is a folder; give the file"):
+            bpy.ops.bsface.landmarks_export(photo="0.png", filepath=nothing)
 
 
 def test_clearing(rows):
