@@ -17,15 +17,24 @@ from . import face_file, scene, selection, surface_object
 
 BEFORE = "bsface_coarse_before"
 FACE_BEFORE = "bsface_face_before"
+# On the face: its net, which a copy that the user makes of the net is not.
+NET = "bsface_coarse_net"
 INTERVAL_S = 0.1
 
 
 def editor() -> bpy.types.Object | None:
     """The coarse net that is being edited, or None."""
     for obj in bpy.context.scene.objects:
-        if scene.COARSE_OF in obj and surface_object.is_surface(obj):
+        # All its points may have been deleted: it can be left all the same.
+        if scene.COARSE_OF in obj and obj.type == "SURFACE" and not _is_copy(obj):
             return obj
     return None
+
+
+def _is_copy(obj: bpy.types.Object) -> bool:
+    face = obj[scene.COARSE_OF]
+    original = None if face is None else face.get(NET)
+    return original is not None and original != obj
 
 
 def open_editor(context: bpy.types.Context, face: bpy.types.Object) -> bpy.types.Object:
@@ -34,7 +43,7 @@ def open_editor(context: bpy.types.Context, face: bpy.types.Object) -> bpy.types
     surface = face_file.surface(face)
     points, net = surface.control_points, coarse_net(surface)
     obj = surface_object.create_like(context, face, f"{face.name} Coarse Net", net)
-    obj[scene.COARSE_OF] = face
+    obj[scene.COARSE_OF], face[NET] = face, obj
     # As Blender holds it: what was not moved must not move the face.
     obj[BEFORE] = json.dumps(surface_object.read(obj).tolist())
     obj[FACE_BEFORE] = json.dumps(points.tolist())
@@ -54,6 +63,8 @@ def follow(context: bpy.types.Context) -> None:
     obj = editor()
     face = None if obj is None else obj[scene.COARSE_OF]
     if face is None or not scene.is_face(face) or face.mode == "EDIT":
+        return
+    if not surface_object.is_surface(obj):
         return
     before, fine = (np.array(json.loads(obj[key])) for key in (BEFORE, FACE_BEFORE))
     after = surface_object.read(obj)
@@ -77,9 +88,15 @@ def close_editor(context: bpy.types.Context, keep: bool) -> None:
     if not keep and scene.is_face(face):
         points = np.array(json.loads(obj[FACE_BEFORE]))
         surface_object.write(context, face, points)
+    for other in bpy.data.objects:
+        if other != obj and other.get(scene.COARSE_OF) == face:
+            other.pop(scene.COARSE_OF)  # a copy is the user's
+    if face is not None:
+        face.pop(NET, None)
     curve, chosen = obj.data, selection.kept(obj)
     bpy.data.objects.remove(obj)
-    bpy.data.curves.remove(curve)
+    if curve.users == 0:
+        bpy.data.curves.remove(curve)
     selection.restore(context, chosen)
 
 

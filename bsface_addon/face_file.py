@@ -18,12 +18,16 @@ from ..core._types import Array, Mask
 from ..core.errors import ReconstructionError
 from ..core.formats.face_file import read_face
 from ..core.result import Reconstruction
-from ..core.surface.bspline import BSplineSurface
+from ..core.surface.alignment import fit_similarity
+from ..core.surface.bspline import BSplineSurface, resampled_net
 from . import messages, surface_object
 
 KEY = "bsface_file"
 # Less than this is rounding to float32.
 MOVED_MM = 1e-3
+# A net that is farther away than the first, and has another shape by less than the
+# second of that, was moved as a whole.
+TOGETHER_MM, TOGETHER = 5.0, 0.2
 
 
 def keep(face: bpy.types.Object, file: bytes) -> None:
@@ -84,6 +88,37 @@ def moved(face: bpy.types.Object) -> Mask:
     if solved.shape != points.shape:
         return np.zeros(points.shape[:2], bool)  # resampled since
     return np.linalg.norm(points - solved, axis=2) > MOVED_MM
+
+
+def moved_together(face: bpy.types.Object) -> bool:
+    """Whether the net was moved, turned or scaled as a whole since the last run.
+
+    Set Origin and Apply do so: all looks as before, but the cameras do not fit.
+    """
+    points = surface_object.read(face)
+    try:
+        solved = _stored(face, "control_points")
+    except ReconstructionError:
+        return False  # nothing is known of the last run
+    if not np.isfinite(points).all():
+        return False
+    if solved.shape != points.shape:
+        solved = resampled_net(solved, points.shape[:2])
+    points, solved = points.reshape(-1, 3), solved.reshape(-1, 3)
+    left = points - fit_similarity(solved, points)(solved)
+    away, left = (np.sqrt((d**2).sum(1).mean()) for d in (points - solved, left))
+    return away > TOGETHER_MM and left < TOGETHER * away
+
+
+def check_place(face: bpy.types.Object) -> None:
+    """Refuse a net that `moved_together`.
+
+    Raises
+    ------
+    ReconstructionError
+    """
+    if moved_together(face):
+        raise ReconstructionError(messages.TOGETHER.format(name=face.name))
 
 
 def outline(face: bpy.types.Object) -> Array:

@@ -20,7 +20,7 @@ from .. import (
 )
 from .photos import ready
 from .running import LongOperator
-from .surface import ChangingOperator
+from .surface import ChangingOperator, check_net
 
 # Blender cuts longer names of shape keys, within a letter too.
 NAME_BYTES = 63
@@ -97,6 +97,8 @@ class BSFACE_OT_expression_key(ChangingOperator, LongOperator, bpy.types.Operato
             raise ReconstructionError(messages.LONG_WORD.format(name=self.expression))
         face = scene.active_face(context)
         made_keys.check_word(face, self.expression)
+        check_net(face)
+        face_file.check_place(face)
         owner = face_photos.owner(context, face, map(photo_list.absolute, rows))
         if owner != face:
             text = messages.OF_ANOTHER.format(owner=owner.name, name=face.name)

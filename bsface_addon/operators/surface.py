@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
+from ...core._types import Mask
 from ...core.errors import ReconstructionError
 from ...core.problem import Constraint
+from ...core.settings import NET_LIMITS
 from ...core.surface.bspline import resampled_net
 from .. import (
     face_file,
@@ -56,6 +60,25 @@ class ChangingOperator(FaceOperator):
         return free_to_change(cls) and super().poll(context)
 
 
+def check_net(face: bpy.types.Object) -> None:
+    """Refuse a net that no run can have."""
+    across, down = surface_object.shape(face)
+    least, most = NET_LIMITS
+    if not least <= min(across, down) <= max(across, down) <= most:
+        raise ReconstructionError(
+            messages.NET_SIZE.format(
+                name=face.name, across=across, down=down, least=least, most=most
+            )
+        )
+
+
+def _constraint(held: Mask, softness: float) -> Constraint:
+    try:
+        return Constraint(held, softness)
+    except ValueError as error:
+        raise ReconstructionError(str(error)) from None
+
+
 class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator):
     """Fit again, starting from the control points as you edited them"""
 
@@ -85,21 +108,24 @@ class BSFACE_OT_surface_refit(ChangingOperator, LongOperator, bpy.types.Operator
         state = context.scene.bsface
         listed = photo_list.paths(state)
         own = bool(listed) and face_photos.owner(context, face, listed) == face
+        check_net(face)
         held = None
         if self.hold == "MOVED":
+            face_file.check_place(face)
             held = face_file.moved(face)
         elif self.hold == "SELECTED":
             held = surface_object.selected(face)
             if not held.any():
                 text = messages.NOTHING_SELECTED.format(name=face.name)
                 raise ReconstructionError(text)
+        constraint = None if held is None else _constraint(held, self.softness)
         return request.from_panel(
             state,
             None if own else face_photos.files(face),
             face.name,
             {"control_points": surface_object.shape(face)},
             start=face_file.surface(face),
-            constraint=None if held is None else Constraint(held, self.softness),
+            constraint=constraint,
         )
 
     def deliver(self, context, request, outcome):
@@ -130,7 +156,10 @@ class BSFACE_OT_surface_resample(ChangingOperator, bpy.types.Operator):
     def execute(self, context):
         face = scene.active_face(context)
         count = (self.control_points_u, self.control_points_v)
-        selection.leave_edit_mode(context)
+        with selection.object_mode(context):
+            return self.resample(context, face, count)
+
+    def resample(self, context, face, count):
         photo_expression.hide(face)
         keys = face.data.shape_keys
         names = [None] if keys is None else keys.key_blocks.keys()
@@ -168,10 +197,12 @@ class BSFACE_OT_surface_symmetrise(ChangingOperator, bpy.types.Operator):
         from ...core.surface.symmetry import symmetrised
 
         face = scene.active_face(context)
+        if not math.isfinite(self.amount):
+            raise ReconstructionError(messages.NO_AMOUNT)
+        face_file.check_place(face)
         surface = face_file.surface(face)
         points = symmetrised(surface, self.side.lower(), self.amount).control_points
-        with scene.all_or_nothing(context):
-            selection.leave_edit_mode(context)
+        with scene.all_or_nothing(context), selection.object_mode(context):
             surface_object.write(context, face, points)
         return {"FINISHED"}
 

@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from .. import (
     camera_views,
     cameras,
+    face_file,
     lights,
     messages,
     photo_expression,
@@ -65,6 +66,9 @@ class BSFACE_OT_view_photo(ViewOperator, bpy.types.Operator):
             index = (start + step) % len(views)
         showing.photo(context, scene.active_face(context), views[index])
         photo_list.activate(context.scene.bsface, names[index])
+        if face_file.moved_together(scene.active_face(context)):
+            name = scene.active_face(context).name
+            self.report({"WARNING"}, messages.TOGETHER.format(name=name))
         return {"FINISHED"}
 
 

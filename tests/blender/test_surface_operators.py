@@ -148,6 +148,73 @@ def test_proportional_editing_reaches_a_feature_of_the_face(face):
         bpy.ops.bsface.surface_net()
 
 
+@pytest.mark.parametrize("way", ["origin", "apply"])
+def test_a_net_that_was_moved_as_a_whole_is_told(face, capfd, way):
+    bpy.ops.bsface.surface_resample(control_points_u=20, control_points_v=20)
+    b = points(face)
+    b[3, 4] += (1, 2, 30)
+    surface_object.write(bpy.context, face, b)
+    bpy.ops.bsface.view_photo()
+    assert bpy.ops.bsface.surface_refit() == {"FINISHED"}
+    assert "moved or scaled" not in capfd.readouterr().out
+    if way == "origin":
+        bpy.ops.object.origin_set(type="ORIGIN_GEOMETRY")
+    else:
+        face.scale = (2, 2, 2)
+        bpy.ops.object.transform_apply()
+    bpy.ops.bsface.view_photo()
+    assert "The whole net of Ann was moved or scaled" in capfd.readouterr().out
+    for name in ("surface_refit", "surface_symmetrise"):
+        with pytest.raises(RuntimeError, match="whole net of Ann was moved or scaled"):
+            getattr(bpy.ops.bsface, name)()
+    assert bpy.ops.bsface.surface_refit(hold="NONE") == {"FINISHED"}
+    assert bpy.ops.bsface.surface_symmetrise() == {"FINISHED"}
+
+
+def test_odd_numbers_of_a_script_are_refused(face):
+    for name, given in (
+        ("surface_symmetrise", {"amount": float("nan")}),
+        ("surface_refit", {"softness": float("nan")}),
+    ):
+        with pytest.raises(RuntimeError, match=r"^Error: The (amount|softness) "):
+            getattr(bpy.ops.bsface, name)(**given)
+    bpy.ops.bsface.surface_resample(control_points_u=5, control_points_v=130)
+    with pytest.raises(RuntimeError, match="5 x 130 control points, .* Resample first"):
+        bpy.ops.bsface.surface_refit()
+
+
+@pytest.mark.parametrize("name", ["surface_resample", "surface_symmetrise"])
+def test_edit_mode_comes_back(face, name):
+    bpy.ops.bsface.surface_net()
+    assert getattr(bpy.ops.bsface, name)() == {"FINISHED"} and face.mode == "EDIT"
+
+
+def test_a_copy_of_the_coarse_net_does_not_take_the_edit_back(face):
+    coarse_editor = load("bsface_addon.coarse_editor")
+    bpy.ops.bsface.coarse_edit()
+    net = coarse_editor.editor()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.ops.object.duplicate()
+    bpy.context.object.name, net.name = "A", "Z"
+    surface_object.write(bpy.context, net, points(net) + (0, 0, 5))
+    bpy.ops.bsface.coarse_done()
+    edited = points(face)
+    assert coarse_editor.editor() is None and "A" in bpy.data.objects
+    coarse_editor.follow(bpy.context)
+    np.testing.assert_array_equal(points(face), edited)
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_a_coarse_net_without_points_can_be_left(face, keep):
+    before = points(face)
+    bpy.ops.bsface.coarse_edit()
+    bpy.ops.curve.select_all(action="SELECT")
+    bpy.ops.curve.delete(type="VERT")
+    assert bpy.ops.bsface.coarse_done(keep=keep) == {"FINISHED"}
+    assert "Ann Coarse Net" not in bpy.data.objects
+    np.testing.assert_allclose(points(face), before, atol=1e-4)
+
+
 @pytest.mark.parametrize("keep", [True, False])
 @pytest.mark.parametrize("version", ["0.1", "now"])
 def test_the_face_follows_its_coarse_net(face, keep, version):
