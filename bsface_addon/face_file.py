@@ -100,8 +100,8 @@ def moved_together(face: bpy.types.Object) -> bool:
         solved = _stored(face, "control_points")
     except ReconstructionError:
         return False  # nothing is known of the last run
-    if not np.isfinite(points).all():
-        return False
+    if not np.isfinite(points).all() or not np.ptp(points, axis=(0, 1)).any():
+        return False  # no surface at all, which is said elsewhere
     if solved.shape != points.shape:
         solved = resampled_net(solved, points.shape[:2])
     points, solved = points.reshape(-1, 3), solved.reshape(-1, 3)

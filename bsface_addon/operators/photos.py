@@ -15,7 +15,7 @@ from bpy.props import (
 
 from ...core.errors import ReconstructionError
 from ...core.images.folder import READABLE_ENDINGS
-from .. import messages, photo_list, session, turned
+from .. import messages, photo_list, photo_stage, session, turned
 from ..properties import RELATIVE
 from .refusals import refusals_reported
 from .running import LongOperator
@@ -226,6 +226,13 @@ class BSFACE_OT_photos_turn(RowOperator, LongOperator, bpy.types.Operator):
     quarters: IntProperty(
         name="Quarter Turns", description="Clockwise", default=1, min=-3, max=3
     )
+
+    @classmethod
+    def poll(cls, context):
+        if photo_stage.is_open():  # what is done there is of the photo as it stands
+            cls.poll_message_set(messages.STAGE_OPEN)
+            return False
+        return super().poll(context)
 
     def prepare(self, context):
         row = self.wanted(context)

@@ -13,6 +13,7 @@ from .. import (
     messages,
     photo_expression,
     photo_list,
+    photo_stage,
     scene,
     showing,
     skin_overlay,
@@ -29,6 +30,9 @@ class ViewOperator(FaceOperator):
             return False
         if not cameras.of_face(scene.active_face(context)):
             cls.poll_message_set(messages.NO_CAMERAS)
+            return False
+        if photo_stage.is_open():  # which brings its own view back
+            cls.poll_message_set(messages.STAGE_OPEN)
             return False
         return True
 

@@ -147,6 +147,22 @@ def test_selection_and_modes_come_back(rows, kind, mode):
     assert tuple(tools.mesh_select_mode) == (False, True, False)
 
 
+@editors
+def test_an_editor_is_left_before_the_view_or_the_photo_changes(rows, kind):
+    scene = bpy.context.scene
+    own = bpy.data.objects.new("own", bpy.data.cameras.new("own"))
+    scene.collection.objects.link(own)
+    scene.camera = own
+    bpy.ops.bsface.view_photo()
+    edit(kind)
+    for name in ("view_photo", "view_leave", "skin_show", "photos_turn"):
+        with pytest.raises(RuntimeError, match="Press Done first"):
+            getattr(bpy.ops.bsface, name)()
+    done(kind, keep=False)
+    bpy.ops.bsface.view_leave()
+    assert scene.camera == own
+
+
 def test_brushes_that_undo_took_away_are_made_again(rows):
     edit("mask")
     bpy.data.batch_remove([b for b in bpy.data.brushes if mask_editor.KIND in b])
