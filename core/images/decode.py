@@ -153,6 +153,13 @@ def judge_header(
         )
     if header.format in OPTIONAL and header.pixels == 0:
         return damaged(name)
+    if header.samples:
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} stores {header.samples}; export it as an ordinary picture of 8 or "
+            "16 bits.",
+        )
     if min(header.width, header.height) < MIN_SIDE:
         return PhotoFailure(
             name,
@@ -200,6 +207,8 @@ def decode(data: Picture8, reduction: int) -> np.ndarray | None:
             raise MemoryError from None
         return None
     if pixels is None or pixels.ndim != 3 or pixels.size == 0:
+        return None
+    if pixels.dtype not in (np.uint8, np.uint16):
         return None
     return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
 

@@ -90,12 +90,6 @@ def read_photo(
         )
     if pixels is None:
         return damaged(name)
-    if pixels.dtype not in (np.uint8, np.uint16):
-        return PhotoFailure(
-            name,
-            "unreadable",
-            f"{name} stores {pixels.dtype} samples; save it with 8 or 16 bits.",
-        )
     note = ""
     try:
         profile = embedded_profile(data, header.format)

@@ -188,7 +188,23 @@ def bad_files() -> dict[str, tuple[bytes, str, str]]:
         "float": (
             encoded(".tif", np.ones((40, 40, 3), np.float32)),
             "unreadable",
-            "8 or 16 bits",
+            "floating-point numbers of 16 bits",  # as LogLuv
+        ),
+        "grey float": (
+            encoded(".tif", np.ones((40, 40), np.float32)),
+            "unreadable",
+            "floating-point numbers of 32 bits",
+        ),
+        # OpenCV fails on these with an error of its own.
+        "double": (
+            encoded(".tif", np.ones((40, 40, 3), np.float64)),
+            "unreadable",
+            "floating-point numbers of 64 bits",
+        ),
+        "signed": (
+            encoded(".tif", np.ones((40, 40, 3), np.int16)),
+            "unreadable",
+            "signed numbers of 16 bits",
         ),
     }
 
