@@ -35,7 +35,8 @@ def curve_on_surface(
     Raises
     ------
     ValueError
-        When there are too few points, or the curve leaves the (u, v) square.
+        When there are too few points, or the curve leaves the (u, v) square or cannot
+        follow the surface.
     """
     points = np.asarray(uv, float)
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
