@@ -133,6 +133,17 @@ def why_not_writable(path: Path) -> str:
     return ""
 
 
+def is_named_pipe(path: str | os.PathLike) -> bool:
+    """Whether a file is a named pipe, which waits for a reader when it is opened.
+
+    The streams of this process are none, such as ``/dev/stderr`` in a pipeline.
+    """
+    if os.path.abspath(path).startswith("/dev/"):
+        return False
+    # On Linux the place of a stream under /proc has no file behind it.
+    return Path(os.path.realpath(path)).is_fifo()
+
+
 def write_bytes(path: str | os.PathLike, content: bytes) -> Path:
     """Write ``content`` to ``path`` in one step; see :func:`replacing`."""
     with replacing(path) as temporary:

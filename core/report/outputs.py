@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence, Set
 from pathlib import Path
 
 from ..errors import ReconstructionError
-from ..files import why_not_writable
+from ..files import is_named_pipe, why_not_writable
 from ..formats import WRITERS, ending
 from ..formats.mtl import ENDS, SIGNATURES, plain_stem
 from ..images.folder import is_video, scan_folder
@@ -66,7 +66,7 @@ def check_outputs(
             raise ValueError(f"{log}: give the log another name, such as run.log.")
         # A terminal or /dev/null is a place for a log.
         special = os.path.exists(log) and not os.path.isfile(log)
-        if os.path.isdir(log) or not special:
+        if os.path.isdir(log) or is_named_pipe(log) or not special:
             asked.append((log, (Path(log),)))
     inputs = _inputs(photos, recursive) if photos else []
     kept, beside = _identities(inputs), _names_beside(inputs)
