@@ -67,7 +67,7 @@ def finish(
             *check_surface(estimate.surface, problem.template),
             *collection.hints,
             *collection.identity_warnings,
-            *shortcomings(poses, light),
+            *shortcomings(poses, light, copies=collection.copies),
         ),
         provenance=Provenance.of_this_program(collection.hashes),
     )

@@ -279,6 +279,7 @@ def collect_photos(
         identity_warnings=(*warnings, *_drawings(used), *_misplaced(used)),
         hints=hints,
         hashes=reader.hashes,
+        originals=reader.originals,
     )
 
 

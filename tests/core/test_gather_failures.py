@@ -142,6 +142,9 @@ def test_a_copy_of_another_size_or_quality_gets_a_doubt(folder, picture):
     notes = {marks.photo: marks.note for marks in found.landmarks}
     copy = "looks like a copy of a.png"
     assert notes == {"a.png": "", "b.jpg": copy, "c.png": copy, "d.png": ""}
+    assert found.copies == 2
+    # two copies of a photo that is left out are one photo
+    assert replace(found, photos=found.photos[1:3]).copies == 1
 
 
 def test_copies_given_as_arrays_get_a_doubt_too(picture):
