@@ -164,8 +164,8 @@ def judge_header(
         return PhotoFailure(
             name,
             "unreadable",
-            f"{name} has only {header.width} x {header.height} pixels, too few "
-            "for a face; use the original picture.",
+            f"{name} has only {header.width} x {header.height} pixels and needs "
+            f"{MIN_SIDE} on each side; use a larger picture.",
         )
     decoded = header.pixels * max(header.bytes_per_pixel, 3)
     if header.pixels > limits.pixels or decoded > limits.decoded_bytes:

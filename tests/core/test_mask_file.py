@@ -67,6 +67,15 @@ def test_a_mask_is_found_by_its_name_and_is_no_photo(photo):
     assert scan.photos == (photo,) and not scan.passed_over and not scan.others
 
 
+def test_a_mask_of_a_few_pixels_is_not_judged_as_a_face(photo):
+    paint(photo, np.zeros((4, 4)))
+    found = with_mask(read_photo(photo))
+    assert found.reason == (
+        "me 1.mask.png has only 4 x 4 pixels and needs 32 on each side; use a larger "
+        "picture."
+    )
+
+
 @pytest.mark.parametrize("ending", [".MASK.PNG", ".Mask.png"])
 def test_a_mask_whose_ending_is_in_capitals_is_found(photo, ending):
     path = paint(photo, np.zeros((40, 60)))
