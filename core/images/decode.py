@@ -6,9 +6,7 @@ size, what its header claims, and only then the pixels.
 
 from __future__ import annotations
 
-import contextlib
 import stat
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -231,13 +229,6 @@ def decode_alpha(data: Picture8 | None) -> Array32 | None:
     return pixels[..., 3].astype(np.float32) / np.iinfo(pixels.dtype).max
 
 
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """OpenCV warns on stderr about each damaged file; we say it in the report."""
-    with _QUIET.held():
-        yield
-
-
 def _silence() -> Undo:
     # OpenCV 4.13 moved the two functions.
     moved = getattr(cv2.utils, "logging", None)
@@ -247,4 +238,5 @@ def _silence() -> Undo:
     return lambda: log.setLogLevel(level)
 
 
-_QUIET = WhileAnyone(_silence)
+#: OpenCV warns on stderr about each damaged file; we say it in the report.
+quiet = WhileAnyone(_silence)
