@@ -156,6 +156,7 @@ def _from_array(array: np.ndarray, name: str, limits: Limits) -> Photo | PhotoFa
             "floats in [0, 1].",
         )
 
+    array = np.asarray(array)  # a matrix cannot have three axes
     if array.ndim == 2:
         array = array[..., None]
     if array.ndim != 3 or array.shape[2] not in (1, 3, 4):
