@@ -111,6 +111,8 @@ def why_not_writable(path: Path) -> str:
     """Why no file can be written there, as the end of a sentence; "" if it may do."""
     try:
         path = Path(os.path.realpath(path))
+        if path.is_symlink():
+            return "is a link in a circle; choose another name"
         if path.is_dir():
             return "is a folder; give the name of a file in it"
         if path.exists():

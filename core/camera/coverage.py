@@ -31,16 +31,16 @@ def shortcomings(
         How many of the photos are copies of others.
     """
     out = []
-    n = len(poses) - copies
-    if n == 1:
+    n = len(poses)
+    if n - copies == 1:
         out.append(
             "With one photo depth and hidden parts come from the average face; add "
             "photos from other sides and under other light."
         )
-    elif n < FEW:
-        photos = "different photos" if copies else "photos"
+    elif n - copies < FEW:
+        photos = f"{n - copies} different photos" if copies else f"{n} photos"
         out.append(
-            f"Only {n} {photos} are used, so much of the shape comes from the average "
+            f"Only {photos} are used, so much of the shape comes from the average "
             "face; ten or more give a likeness."
         )
     yaw = poses[:, 0] if n else np.zeros(0)

@@ -17,6 +17,7 @@ from ..report.log_file import log_file, logged
 from ..report.outputs import check_outputs
 from ..report.report import report_files, write_report
 from ..result import PhotoReport, Reconstruction
+from ..settings import Settings
 from ..surface.template import load_template
 from ..threads import one_blas_thread, take_working_space
 from .arguments import Parser, check_held, check_named, parse_settings
@@ -114,12 +115,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
         if args.start:
             before = load_face(args.start)
             template, constraint = before.surface, before.constraint
-            asked = any(word.startswith("control_points=") for word in args.set)
-            if asked and settings.control_points != template.shape:
-                raise ValueError(
-                    f"{args.start} has {template.shape[0]} x {template.shape[1]} "
-                    "control points, which --start keeps; leave control_points out."
-                )
+            settings = _going_on(settings, args.set, args.start, before)
         check_outputs(
             args.output,
             report=args.report,
@@ -185,6 +181,35 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
     if not args.quiet:
         _tell(face, written)
     return 0
+
+
+def _going_on(
+    settings: Settings, asked: Sequence[str], name: str, face: Reconstruction
+) -> Settings:
+    """The settings with what ``--start`` keeps of a face: its net and its size.
+
+    Raises
+    ------
+    ValueError
+        When ``--set`` asks for another net, or for another size than that of control
+        points that stay.
+    """
+    named = {word.partition("=")[0] for word in asked}
+    m, n = face.surface.shape
+    if "control_points" in named and settings.control_points != (m, n):
+        raise ValueError(
+            f"{name} has {m} x {n} control points, which --start keeps; leave "
+            "control_points out."
+        )
+    size = face.settings.eye_distance_mm
+    if "eye_distance_mm" not in named:
+        return replace(settings, eye_distance_mm=size)
+    if face.constraint is not None and settings.eye_distance_mm != size:
+        raise ValueError(
+            f"{name} holds control points of a face with {size:g} mm between the eyes; "
+            "leave eye_distance_mm out."
+        )
+    return settings
 
 
 def _failed(

@@ -87,6 +87,9 @@ def test_no_usable_photo_is_told_with_the_reasons(models, folder):
     ]
     with pytest.raises(ReconstructionError, match="1 set aside.*in 1.png"):
         collect_photos(folder, inputs=Inputs(ignore=("0.png",)))
+    every = ("0.png", "1.png", "2.png", "text.jpg")
+    with pytest.raises(ReconstructionError, match="All 4 photos are set aside; leave"):
+        collect_photos(folder, inputs=Inputs(ignore=every))
 
 
 def test_missing_models_end_the_job_with_the_remedy(tmp_path, monkeypatch, picture):

@@ -125,6 +125,8 @@ def test_places_where_no_file_can_stand(tmp_path):
     assert "null" in why_not_writable(tmp_path / "a\0b.npz")
     os.mkfifo(tmp_path / "pipe.npz")
     assert "no regular file" in why_not_writable(tmp_path / "pipe.npz")
+    (tmp_path / "loop.npz").symlink_to("loop.npz")
+    assert "in a circle" in why_not_writable(tmp_path / "loop.npz")
     (tmp_path / "kept.npz").write_bytes(b"old")
     (tmp_path / "kept.npz").chmod(0o444)
     with as_ordinary_user():
