@@ -140,7 +140,8 @@ def judge_header(
         return PhotoFailure(
             name,
             "unreadable",
-            f"{name} is not a picture, whatever its name says; remove it.",
+            f"{name} is not a picture of a format that can be read, whatever its name "
+            "says; export it as JPEG or PNG, or remove it.",
         )
     if header.format not in READABLE | OPTIONAL:
         return PhotoFailure(
