@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import Cancelled, PhotoFailure, ReconstructionError, out_of_memory
-from ..formats import HEAD_ENDINGS, export, load_face
+from ..formats import HEAD_ENDINGS, ending, export, load_face
 from ..formats.textured import exported_files, textured
 from ..progress import Step
 from ..report.facts import failure_facts, result_facts, versions
@@ -150,7 +150,8 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
                 logger.info("%s", line)
             with textured(face, args.output) as plain:
                 options = replace(plain, head=args.head)
-                for name in args.output:
+                # The face file first: what fails after it can be exported again.
+                for name in sorted(args.output, key=lambda n: ending(n) != ".npz"):
                     written += exported_files(export(name, face, options=options))
                     logger.info("%s written", name)
             if args.report:
@@ -159,7 +160,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
                 written += report_files(page)
                 logger.info("%s written", args.report)
     except ReconstructionError as error:
-        return _failed(args, bar, str(error), error.photos)
+        return _failed(args, bar, str(error), written, error.photos)
     except (KeyboardInterrupt, Cancelled):
         done = f"{_names(written)} written" if written else "nothing written"
         _close(bar)
@@ -173,6 +174,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
             bar,
             "There is not enough memory; use fewer photos or a smaller net "
             "(--set control_points=30,30).",
+            written,
         )
     _close(bar)
     if args.json:
@@ -216,10 +218,13 @@ def _failed(
     args: argparse.Namespace,
     bar: Bar | None,
     sentence: str,
+    written: Sequence[Path],
     photos: Sequence[PhotoFailure] = (),
 ) -> int:
     """Say why the job failed, for a program too if it asked for JSON."""
     _close(bar)
+    if written:
+        tell(f"{_names(written)} written\n")
     if not args.json:
         for failure in photos:
             tell(f"{failure.name}: {failure.reason}\n")

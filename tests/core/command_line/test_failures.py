@@ -14,7 +14,7 @@ from bsface.__main__ import main
 from bsface.errors import Cancelled, ReconstructionError
 from bsface.files import is_temporary
 from command_line import QUICK, run
-from fake_face import painted_reconstruction
+from fake_face import bare_reconstruction, painted_reconstruction
 from json_schema import RESULT_SCHEMA as SCHEMA
 from json_schema import problems
 from needs import needs_permissions, needs_signals
@@ -232,6 +232,18 @@ def test_stopped_from_outside(photos, tmp_path, stop):
         assert "Traceback" not in said
     assert os.listdir(tmp_path) == ["face.npz"]
     assert out.read_bytes() == b"the old one"
+
+
+def test_the_face_file_is_written_before_an_export_that_fails(capsys, tmp_path):
+    """The sentence can then be followed, by `bsface export`."""
+    face = bare_reconstruction()
+    tiny = face.with_surface(face.surface.transformed(1 / 62))
+    solid, kept = tmp_path / "a.stl", tmp_path / "a.npz"
+    words = ["x", "-o", str(solid), "-o", str(kept), "-q"]
+    assert main(words, lambda *_, **__: tiny) == 1
+    said = capsys.readouterr().err
+    assert said.startswith(f"{kept} written\nbsface: {solid}: the inside of the solid")
+    assert os.listdir(tmp_path) == ["a.npz"]
 
 
 def test_a_start_keeps_its_net_and_the_size_of_what_it_holds(capsys, photos, tmp_path):
