@@ -247,7 +247,7 @@ def test_the_face_file_is_written_before_an_export_that_fails(capsys, tmp_path):
 
 
 def test_a_start_keeps_its_net_and_the_size_of_what_it_holds(capsys, photos, tmp_path):
-    face = painted_reconstruction(count=2, side=60)
+    face = bare_reconstruction()
     held = Constraint(np.ones(face.surface.shape, bool))
     start = replace(face, constraint=held).save(tmp_path / "start.npz")
     for word, sentence in (
@@ -261,7 +261,7 @@ def test_a_start_keeps_its_net_and_the_size_of_what_it_holds(capsys, photos, tmp
 
 def test_a_start_keeps_its_size_unless_another_is_asked_for(tmp_path):
     """Not the usual one: points that it holds would stand in a face of another size."""
-    face = painted_reconstruction(count=2, side=60)
+    face = bare_reconstruction()
     sized = replace(face, settings=replace(face.settings, eye_distance_mm=70.0))
     words = ["x", "-o", str(tmp_path / "a.npz"), "-q"]
     words += ["--start", str(sized.save(tmp_path / "start.npz"))]
