@@ -135,6 +135,20 @@ def why_not_writable(path: Path) -> str:
     return ""
 
 
+def file_beside(path: str | os.PathLike, ending: str) -> Path | None:
+    """The file with the same name and this ending, also in capitals, or None."""
+    wanted = Path(path).with_suffix(ending)
+    # Whatever it is: a link that leads nowhere is said, and not passed over.
+    if os.path.lexists(wanted):
+        return wanted
+    stem = Path(path).stem
+    with contextlib.suppress(OSError), os.scandir(wanted.parent) as entries:
+        for name in sorted(entry.name for entry in entries):
+            if name[: -len(ending)] == stem and name.lower().endswith(ending):
+                return wanted.with_name(name)
+    return None
+
+
 def is_named_pipe(path: str | os.PathLike) -> bool:
     """Whether a file is a named pipe, which waits for a reader when it is opened.
 

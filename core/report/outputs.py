@@ -171,7 +171,11 @@ def _names_beside(inputs: Sequence[Path]) -> frozenset[tuple[str, str]]:
     """Folder and name of the landmark and mask files that photos may have."""
     found = set()
     for path in inputs:
-        if is_video(path) or is_mask(path.name) or path.suffix in LANDMARK_ENDINGS:
+        if (
+            is_video(path)
+            or is_mask(path.name)
+            or path.suffix.lower() in LANDMARK_ENDINGS
+        ):
             continue
         folder = os.path.realpath(path.parent)
         for end in (*LANDMARK_ENDINGS, MASK_ENDING):
