@@ -94,11 +94,17 @@ def test_landmarks_and_mask_lie_beside_a_photo(photo):
     assert files_beside(photo) == (points, mask)
 
 
-def test_a_mask_without_a_photo_is_named(photo):
+def test_a_mask_or_landmark_file_without_a_photo_is_named(photo):
     paint(photo.with_name("you.jpg"), np.zeros((40, 60)))
     (passed_over,) = scan_folder(photo.parent).passed_over
     assert passed_over.name == "you.mask.png"
     assert passed_over.reason.startswith("you.mask.png is the mask of no photo")
+    for name in ("you.pts", "me 1.PTS"):
+        (photo.parent / name).touch()
+    _, landmarks = scan_folder(photo.parent).passed_over
+    assert landmarks.reason == (
+        "you.pts is the landmark file of no photo here; name it as its photo."
+    )
 
 
 @pytest.mark.parametrize("ending", [".mask.jpg", ".Mask.TIF"])
