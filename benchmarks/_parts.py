@@ -67,7 +67,7 @@ def estimated_surface(
     if cameras is None:
         *_, last = motion(problem)
     else:
-        usual = MotionOptions.from_settings(problem.settings, problem.distance_mm)
+        usual = MotionOptions.of(problem)
         options = replace(usual, camera=HeldCameras(usual.camera.distance_mm))
         *_, last = estimate_motion(
             problem.template, problem.prior, problem.landmarks, cameras, options

@@ -185,7 +185,7 @@ def replaced(
             truth,
             cameras,
             collection.photos,
-            JointOptions.from_settings(settings),
+            JointOptions.of(problem),
             LIGHTS in true,
             ALBEDO in true,
         )

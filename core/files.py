@@ -111,6 +111,8 @@ def why_not_writable(path: Path) -> str:
     """Why no file can be written there, as the end of a sentence; "" if it may do."""
     try:
         path = Path(os.path.realpath(path))
+        if path.is_symlink():
+            return "is a link in a circle; choose another name"
         if path.is_dir():
             return "is a folder; give the name of a file in it"
         if path.exists():
@@ -131,6 +133,31 @@ def why_not_writable(path: Path) -> str:
     if not os.access(folder, os.W_OK, effective_ids=_EFFECTIVE):
         return f"cannot be written (no permission in {folder}); choose another folder"
     return ""
+
+
+def file_beside(path: str | os.PathLike, ending: str) -> Path | None:
+    """The file with the same name and this ending, also in capitals, or None."""
+    wanted = Path(path).with_suffix(ending)
+    # Whatever it is: a link that leads nowhere is said, and not passed over.
+    if os.path.lexists(wanted):
+        return wanted
+    stem = Path(path).stem
+    with contextlib.suppress(OSError), os.scandir(wanted.parent) as entries:
+        for name in sorted(entry.name for entry in entries):
+            if name[: -len(ending)] == stem and name.lower().endswith(ending):
+                return wanted.with_name(name)
+    return None
+
+
+def is_named_pipe(path: str | os.PathLike) -> bool:
+    """Whether a file is a named pipe, which waits for a reader when it is opened.
+
+    The streams of this process are none, such as ``/dev/stderr`` in a pipeline.
+    """
+    if os.path.abspath(path).startswith("/dev/"):
+        return False
+    # On Linux the place of a stream under /proc has no file behind it.
+    return Path(os.path.realpath(path)).is_fifo()
 
 
 def write_bytes(path: str | os.PathLike, content: bytes) -> Path:

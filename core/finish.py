@@ -67,7 +67,7 @@ def finish(
             *check_surface(estimate.surface, problem.template),
             *collection.hints,
             *collection.identity_warnings,
-            *shortcomings(poses, light),
+            *shortcomings(poses, light, copies=collection.copies),
         ),
         provenance=Provenance.of_this_program(collection.hashes),
     )
@@ -120,7 +120,7 @@ def _personal_landmarks(problem: Problem, estimate: FaceEstimate) -> FaceEstimat
     if problem.settings.method != "joint" or estimate.photometric is None:
         return estimate
     source = SourcePhotos(estimate.cameras, problem.landmarks, estimate.expressions)
-    options = MotionOptions.from_settings(problem.settings, problem.distance_mm)
+    options = MotionOptions.of(problem)
     face = known_face(estimate.surface, problem.template, options, source)
     return replace(estimate, landmarks_xyz=face.landmarks_xyz)
 

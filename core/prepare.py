@@ -279,6 +279,7 @@ def collect_photos(
         identity_warnings=(*warnings, *_drawings(used), *_misplaced(used)),
         hints=hints,
         hashes=reader.hashes,
+        originals=reader.originals,
     )
 
 
@@ -332,9 +333,10 @@ def _nothing_usable(failures: tuple[PhotoFailure, ...]) -> str:
     reasons = ", ".join(
         f"{n} {FailureCode(code).label}" for code, n in count.most_common()
     )
+    if set(count) == {"ignored"}:
+        return f"All {total} photos are set aside; leave some of them in."
     # That photos were left out is no news to who left them out.
     first = min(failures, key=lambda failure: failure.code == "ignored")
     return (
-        f"None of the {total} photos can be used ({reasons}). The first: "
-        f"{first.reason} Give sharp photos of one face."
+        f"None of the {total} photos can be used ({reasons}). The first: {first.reason}"
     )

@@ -93,6 +93,8 @@ class PhotoCollection:
         What in the folder was not read, in sentences.
     hashes : mapping of photo name to str
         SHA-256 of each photo that was read: of its file, or of its pixels.
+    originals : mapping of photo name to str
+        Of each photo that looks like a copy of another: the name of that one.
     """
 
     photos: tuple[Photo, ...]
@@ -101,6 +103,13 @@ class PhotoCollection:
     identity_warnings: tuple[str, ...] = ()
     hints: tuple[str, ...] = ()
     hashes: Mapping[str, str] = field(default_factory=dict)
+    originals: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def copies(self) -> int:
+        """How many of the photos look like another one of them."""
+        names = [photo.name for photo in self.photos]
+        return len(names) - len({self.originals.get(name, name) for name in names})
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,9 @@ def nothing() -> None:
 class WhileAnyone:
     """Holds a setting of the process while at least one thread is inside the block.
 
-    Blocks of several threads may overlap in any order: the first one changes the
-    setting, and the last one that ends brings back what was there before.
+    ``with setting():``, or ``@setting()`` before a function. Blocks of several threads
+    may overlap in any order: the first one changes the setting, and the last one that
+    ends brings back what was there before.
 
     Parameters
     ----------
@@ -32,7 +33,7 @@ class WhileAnyone:
         self._undo: Undo = nothing
 
     @contextlib.contextmanager
-    def held(self) -> Iterator[None]:
+    def __call__(self) -> Iterator[None]:
         """Hold the setting inside the block."""
         with self._lock:
             if self._inside == 0:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,16 +19,6 @@ from scipy.linalg import cholesky
 from scipy.linalg.blas import dgemm
 
 from .process_state import Undo, WhileAnyone
-
-
-@contextlib.contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """Hold the OpenBLAS of NumPy and of SciPy at one thread inside the block.
-
-    Does nothing where they are built with another BLAS.
-    """
-    with _ONE_THREAD.held():
-        yield
 
 
 def take_working_space() -> None:
@@ -53,7 +43,9 @@ def _take_one_thread() -> Undo:
     return undo
 
 
-_ONE_THREAD = WhileAnyone(_take_one_thread)
+#: Holds the OpenBLAS of NumPy and of SciPy at one thread inside a block; does nothing
+#: where they are built with another BLAS.
+one_blas_thread = WhileAnyone(_take_one_thread)
 
 
 @lru_cache(maxsize=1)

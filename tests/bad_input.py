@@ -276,7 +276,7 @@ def job_rows() -> list[JobRow]:
             "all photos set aside",
             call(good_folder, "--ignore=0.png", "--ignore=1.png", "--ignore=2.png"),
             1,
-            "(3 set aside)",
+            "All 3 photos are set aside",
         ),
         JobRow(
             "the detector's files are missing",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -72,13 +73,14 @@ def _one_pool(work: Work, jobs: Jobs, workers: int, memory: int | None) -> Outco
     """Outcomes of one pool until all are done or one of its processes dies."""
     # A fresh interpreter for every person: nothing is inherited, all memory returns.
     try:
-        pool = ProcessPoolExecutor(
-            min(workers, len(jobs)),
-            mp_context=multiprocessing.get_context("spawn"),
-            max_tasks_per_child=1,
-            initializer=limit_memory,
-            initargs=(memory,),
-        )
+        with hangup_held_back():
+            pool = ProcessPoolExecutor(
+                min(workers, len(jobs)),
+                mp_context=multiprocessing.get_context("spawn"),
+                max_tasks_per_child=1,
+                initializer=limit_memory,
+                initargs=(memory,),
+            )
     except OSError as error:  # no room for semaphores
         raise ReconstructionError(
             f"No worker can be started ({error.strerror}); free some space in /dev/shm "
@@ -107,6 +109,23 @@ def _result(future: Any, person: str) -> Outcome:
     if error is None:
         return future.result()
     return Outcome(person, "failed", f"{person}: {type(error).__name__}: {error}")
+
+
+@contextlib.contextmanager
+def hangup_held_back() -> Iterator[None]:
+    """SIGHUP waits until the block ends, and for ever in processes that start in it.
+
+    The first pool starts Python's tracker of semaphores. A terminal that is closed
+    would end it before us, and Python would print tracebacks about that.
+    """
+    if not hasattr(signal, "SIGHUP"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGHUP])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager

@@ -173,7 +173,7 @@ def _with_left_over(outcome: Outcome, target: Path) -> Outcome:
     if not older:
         return outcome
     warning = (
-        f"From an earlier run, and not of these photos and settings: "
+        "From an earlier run, perhaps of other photos or settings: "
         f"{', '.join(older)}; remove what you do not need."
     )
     return replace(outcome, warnings=(*outcome.warnings, warning))

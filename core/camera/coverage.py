@@ -15,7 +15,9 @@ FEW = 5
 FLAT_LIGHT = 0.06
 
 
-def shortcomings(poses: Array, singular_values: Array | None = None) -> tuple[str, ...]:
+def shortcomings(
+    poses: Array, singular_values: Array | None = None, *, copies: int = 0
+) -> tuple[str, ...]:
     """Sentences on what is missing, empty if nothing is.
 
     Parameters
@@ -25,17 +27,20 @@ def shortcomings(poses: Array, singular_values: Array | None = None) -> tuple[st
         right of the picture.
     singular_values : (k,) array, optional
         Of the intensities, relative to the first.
+    copies : int
+        How many of the photos are copies of others.
     """
     out = []
     n = len(poses)
-    if n == 1:
+    if n - copies == 1:
         out.append(
             "With one photo depth and hidden parts come from the average face; add "
             "photos from other sides and under other light."
         )
-    elif n < FEW:
+    elif n - copies < FEW:
+        photos = f"{n - copies} different photos" if copies else f"{n} photos"
         out.append(
-            f"Only {n} photos are used, so much of the shape comes from the average "
+            f"Only {photos} are used, so much of the shape comes from the average "
             "face; ten or more give a likeness."
         )
     yaw = poses[:, 0] if n else np.zeros(0)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import Cancelled, PhotoFailure, ReconstructionError, out_of_memory
-from ..formats import HEAD_ENDINGS, export, load_face
+from ..formats import HEAD_ENDINGS, ending, export, load_face
 from ..formats.textured import exported_files, textured
 from ..progress import Step
 from ..report.facts import failure_facts, result_facts, versions
@@ -17,6 +17,7 @@ from ..report.log_file import log_file, logged
 from ..report.outputs import check_outputs
 from ..report.report import report_files, write_report
 from ..result import PhotoReport, Reconstruction
+from ..settings import Settings
 from ..surface.template import load_template
 from ..threads import one_blas_thread, take_working_space
 from .arguments import Parser, check_held, check_named, parse_settings
@@ -114,12 +115,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
         if args.start:
             before = load_face(args.start)
             template, constraint = before.surface, before.constraint
-            asked = any(word.startswith("control_points=") for word in args.set)
-            if asked and settings.control_points != template.shape:
-                raise ValueError(
-                    f"{args.start} has {template.shape[0]} x {template.shape[1]} "
-                    "control points, which --start keeps; leave control_points out."
-                )
+            settings = _going_on(settings, args.set, args.start, before)
         check_outputs(
             args.output,
             report=args.report,
@@ -154,7 +150,8 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
                 logger.info("%s", line)
             with textured(face, args.output) as plain:
                 options = replace(plain, head=args.head)
-                for name in args.output:
+                # The face file first: what fails after it can be exported again.
+                for name in sorted(args.output, key=lambda n: ending(n) != ".npz"):
                     written += exported_files(export(name, face, options=options))
                     logger.info("%s written", name)
             if args.report:
@@ -163,7 +160,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
                 written += report_files(page)
                 logger.info("%s written", args.report)
     except ReconstructionError as error:
-        return _failed(args, bar, str(error), error.photos)
+        return _failed(args, bar, str(error), written, error.photos)
     except (KeyboardInterrupt, Cancelled):
         done = f"{_names(written)} written" if written else "nothing written"
         _close(bar)
@@ -177,6 +174,7 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
             bar,
             "There is not enough memory; use fewer photos or a smaller net "
             "(--set control_points=30,30).",
+            written,
         )
     _close(bar)
     if args.json:
@@ -187,14 +185,46 @@ def main(argv: Sequence[str], run: Callable[..., Reconstruction]) -> int:
     return 0
 
 
+def _going_on(
+    settings: Settings, asked: Sequence[str], name: str, face: Reconstruction
+) -> Settings:
+    """The settings with what ``--start`` keeps of a face: its net and its size.
+
+    Raises
+    ------
+    ValueError
+        When ``--set`` asks for another net, or for another size than that of control
+        points that stay.
+    """
+    named = {word.partition("=")[0] for word in asked}
+    m, n = face.surface.shape
+    if "control_points" in named and settings.control_points != (m, n):
+        raise ValueError(
+            f"{name} has {m} x {n} control points, which --start keeps; leave "
+            "control_points out."
+        )
+    size = face.settings.eye_distance_mm
+    if "eye_distance_mm" not in named:
+        return replace(settings, eye_distance_mm=size)
+    if face.constraint is not None and settings.eye_distance_mm != size:
+        raise ValueError(
+            f"{name} holds control points of a face with {size:g} mm between the eyes; "
+            "leave eye_distance_mm out."
+        )
+    return settings
+
+
 def _failed(
     args: argparse.Namespace,
     bar: Bar | None,
     sentence: str,
+    written: Sequence[Path],
     photos: Sequence[PhotoFailure] = (),
 ) -> int:
     """Say why the job failed, for a program too if it asked for JSON."""
     _close(bar)
+    if written:
+        tell(f"{_names(written)} written\n")
     if not args.json:
         for failure in photos:
             tell(f"{failure.name}: {failure.reason}\n")

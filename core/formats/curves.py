@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array
+from ..kinds import expect, real_numbers
 from ..surface.bspline import BSplineSurface
 from ..surface.template import Template
 from .exchange import ExchangeCurve, closed_curve, edge_in_space, open_curve
@@ -35,11 +36,15 @@ def curve_on_surface(
     Raises
     ------
     ValueError
-        When there are too few points, or the curve leaves the (u, v) square.
+        When there are too few points, or the curve leaves the (u, v) square or cannot
+        follow the surface.
     """
-    points = np.asarray(uv, float)
+    expect(BSplineSurface, "a BSplineSurface", surface=surface)
+    points = real_numbers(uv, "uv")
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-        raise ValueError(f"a curve needs points (k, 2) in (u, v), got {points.shape}")
+        raise ValueError(
+            f"a curve needs finite points (k, 2) in (u, v), got {points.shape}"
+        )
     if closed and len(points) and np.array_equal(points[0], points[-1]):
         points = points[:-1]
     if len(points) < 4:

@@ -24,6 +24,8 @@ from ..surface.bspline import BSplineSurface
 
 #: The edge in space leaves the surface by less than this, in millimetres.
 EDGE_TOLERANCE_MM = 1e-4
+#: More points are not tried. A face of 100 metres needs 25,000 for its outline.
+MOST_EDGE_POINTS = 100_000
 #: The outline has a corner where it turns by more, in degrees.
 CORNER = 40.0
 
@@ -187,8 +189,15 @@ def edge_in_space(
     surface: BSplineSurface,
     curve: ExchangeCurve,
     make: Callable[[Array, Array], ExchangeCurve],
+    most_points: int = MOST_EDGE_POINTS,
 ) -> ExchangeCurve:
-    """The curve in space of a curve in (u, v) of the file, with the same parameter."""
+    """The curve in space of a curve in (u, v) of the file, with the same parameter.
+
+    Raises
+    ------
+    ValueError
+        When it cannot follow the surface to within `EDGE_TOLERANCE_MM`.
+    """
     # A straight line in (u, v) still crosses the knots of the surface.
     count = max(64, 8 * (len(curve.control_points) - 3))
     while True:
@@ -196,8 +205,15 @@ def edge_in_space(
         edge = make(t, _on_surface(surface, curve(t)))
         between = (t[:-1] + t[1:]) / 2
         off = edge(between) - _on_surface(surface, curve(between))
-        if np.linalg.norm(off, axis=1).max() < EDGE_TOLERANCE_MM or count > 4000:
+        farthest = np.linalg.norm(off, axis=1).max()
+        if farthest < EDGE_TOLERANCE_MM:
             return edge
+        if count > most_points:
+            raise ValueError(
+                f"a curve of {count} points leaves the surface by {farthest:.2g} mm; "
+                "check the size of the face, which is in millimetres, and the points "
+                "of the curve"
+            )
         count *= 2
 
 

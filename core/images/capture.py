@@ -24,7 +24,7 @@ def opened(path: Path, *, coded: bool = False) -> Iterator[cv2.VideoCapture]:
         Frames come as they are stored, not decoded.
     """
     options = [cv2.CAP_PROP_FORMAT, -1] if coded else []
-    with quiet(), _QUIET_FFMPEG.held():
+    with quiet(), _quiet_ffmpeg():
         video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, options)
     try:
         video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
@@ -46,4 +46,4 @@ def _silence_ffmpeg() -> Undo:
     return undo
 
 
-_QUIET_FFMPEG = WhileAnyone(_silence_ffmpeg)
+_quiet_ffmpeg = WhileAnyone(_silence_ffmpeg)

@@ -6,9 +6,7 @@ size, what its header claims, and only then the pixels.
 
 from __future__ import annotations
 
-import contextlib
 import stat
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -142,7 +140,8 @@ def judge_header(
         return PhotoFailure(
             name,
             "unreadable",
-            f"{name} is not a picture, whatever its name says; remove it.",
+            f"{name} is not a picture of a format that can be read, whatever its name "
+            "says; export it as JPEG or PNG, or remove it.",
         )
     if header.format not in READABLE | OPTIONAL:
         return PhotoFailure(
@@ -153,12 +152,19 @@ def judge_header(
         )
     if header.format in OPTIONAL and header.pixels == 0:
         return damaged(name)
+    if header.samples:
+        return PhotoFailure(
+            name,
+            "unreadable",
+            f"{name} stores {header.samples}; export it as an ordinary picture of 8 or "
+            "16 bits.",
+        )
     if min(header.width, header.height) < MIN_SIDE:
         return PhotoFailure(
             name,
             "unreadable",
-            f"{name} has only {header.width} x {header.height} pixels, too few "
-            "for a face; use the original picture.",
+            f"{name} has only {header.width} x {header.height} pixels and needs "
+            f"{MIN_SIDE} on each side; use a larger picture.",
         )
     decoded = header.pixels * max(header.bytes_per_pixel, 3)
     if header.pixels > limits.pixels or decoded > limits.decoded_bytes:
@@ -201,6 +207,8 @@ def decode(data: Picture8, reduction: int) -> np.ndarray | None:
         return None
     if pixels is None or pixels.ndim != 3 or pixels.size == 0:
         return None
+    if pixels.dtype not in (np.uint8, np.uint16):
+        return None
     return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
 
 
@@ -222,13 +230,6 @@ def decode_alpha(data: Picture8 | None) -> Array32 | None:
     return pixels[..., 3].astype(np.float32) / np.iinfo(pixels.dtype).max
 
 
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """OpenCV warns on stderr about each damaged file; we say it in the report."""
-    with _QUIET.held():
-        yield
-
-
 def _silence() -> Undo:
     # OpenCV 4.13 moved the two functions.
     moved = getattr(cv2.utils, "logging", None)
@@ -238,4 +239,5 @@ def _silence() -> Undo:
     return lambda: log.setLogLevel(level)
 
 
-_QUIET = WhileAnyone(_silence)
+#: OpenCV warns on stderr about each damaged file; we say it in the report.
+quiet = WhileAnyone(_silence)

@@ -28,7 +28,7 @@ VIDEO_ENDINGS = frozenset((
 ))  # fmt: skip
 # Files that belong to a photo or to the system: nobody takes them for photos.
 _SILENT_ENDINGS = frozenset((
-    ".json", ".pts", ".ini", ".db", ".xmp", ".aae", ".thm", ".lrv",
+    ".json", ".ini", ".db", ".xmp", ".aae", ".thm", ".lrv",
 ))  # fmt: skip
 _NAMED = 5
 
@@ -51,7 +51,8 @@ class FolderScan:
     photos, videos : tuple of pathlib.Path
         A file counts by its ending; whether it can be read is the reader's question.
     passed_over : tuple of PassedOver
-        Pictures that bsface wrote, masks without a photo, and links to folders.
+        Pictures that bsface wrote, masks and landmark files without a photo, and links
+        to folders.
     photo_folders : tuple of str
         Sub-folders that hold photos or videos and were not entered.
     others : tuple of str
@@ -122,7 +123,8 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
         )
     folder = Path(folder)
     _check_folder(folder)
-    files: dict[str, list[Path]] = {"photo": [], "video": [], "mask": []}
+    kinds = ("photo", "video", "mask", "landmarks")
+    files: dict[str, list[Path]] = {kind: [] for kind in kinds}
     passed_over: list[PassedOver] = []
     photo_folders: list[str] = []
     others: list[str] = []
@@ -161,10 +163,12 @@ def scan_folder(folder: str | os.PathLike, recursive: bool = False) -> FolderSca
             name = path.relative_to(folder).as_posix()
             why = f"{name} is not read: a mask is a PNG file; export it as .mask.png."
             passed_over.append(PassedOver(name, why))
-    for path in files["mask"]:
-        if path.with_name(masked(path.name)) not in photos:
+    of_photo = [(path, masked(path.name), "mask") for path in files["mask"]]
+    of_photo += [(path, path.stem, "landmark file") for path in files["landmarks"]]
+    for path, stem, what in of_photo:
+        if path.with_name(stem) not in photos:
             name = path.relative_to(folder).as_posix()
-            why = f"{name} is the mask of no photo here; name it as its photo."
+            why = f"{name} is the {what} of no photo here; name it as its photo."
             passed_over.append(PassedOver(name, why))
 
     def order(path: Path) -> tuple:
@@ -295,6 +299,8 @@ def _kind(entry: os.DirEntry) -> str:
         return "photo"
     if ending in VIDEO_ENDINGS:
         return "video"
+    if ending == ".pts":  # .json is written by many programs for much else
+        return "landmarks"
     return "silent" if ending in _SILENT_ENDINGS else "other"
 
 

@@ -16,7 +16,10 @@ from .boxes import boxes, inside
 from .tiff import directory
 
 # Numbers of TIFF's tags.
-WIDTH, HEIGHT, BITS_PER_SAMPLE, SAMPLES = 256, 257, 258, 277
+WIDTH, HEIGHT, BITS_PER_SAMPLE, SAMPLES, SAMPLE_FORMAT = 256, 257, 258, 277, 339
+COMPRESSION, LOG_LUV = 259, (34676, 34677)
+# Values of the format that are not numbers without sign.
+_KINDS = {2: "signed", 3: "floating-point", 5: "complex", 6: "complex"}
 
 # What OpenCV reads. Its reader of JPEG 2000 ends the process on some damaged files.
 READABLE = frozenset({"JPEG", "PNG", "BMP", "TIFF", "WebP", "PNM"})
@@ -36,12 +39,16 @@ class ImageHeader:
         Pixels, before any EXIF turn; 0 if the format is only recognised.
     bytes_per_pixel : float
         As stored, decoded.
+    samples : str
+        What a sample is, such as ``"floating-point numbers of 32 bits"``; empty for
+        whole numbers of up to 16 bits without sign.
     """
 
     format: str
     width: int = 0
     height: int = 0
     bytes_per_pixel: float = 3.0
+    samples: str = ""
 
     @property
     def pixels(self) -> int:
@@ -112,7 +119,12 @@ def _tiff(view: memoryview) -> ImageHeader | None:
     width, height = tags[WIDTH].number(), tags[HEIGHT].number()
     channels = min(tags[SAMPLES].number(), 8) if SAMPLES in tags else 1
     bits = min(tags[BITS_PER_SAMPLE].number(), 64) if BITS_PER_SAMPLE in tags else 1
-    return ImageHeader("TIFF", width, height, channels * max(bits, 8) / 8)
+    kind = tags[SAMPLE_FORMAT].number() if SAMPLE_FORMAT in tags else 1
+    if COMPRESSION in tags and tags[COMPRESSION].number() in LOG_LUV:
+        kind = 3
+    unusual = kind in _KINDS or bits > 16
+    samples = f"{_KINDS.get(kind, 'whole')} numbers of {bits} bits" if unusual else ""
+    return ImageHeader("TIFF", width, height, channels * max(bits, 8) / 8, samples)
 
 
 def _webp(view: memoryview) -> ImageHeader | None:

@@ -7,7 +7,6 @@ does what is transparent: there nothing was painted.
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,6 +17,7 @@ import numpy as np
 
 from .._types import Array, Array32
 from ..errors import PhotoFailure
+from ..files import file_beside
 from .photo import Photo
 from .read import read_opacity, read_photo
 
@@ -46,16 +46,7 @@ def masked(name: str) -> str:
 
 def mask_file_beside(photo: str | os.PathLike) -> Path | None:
     """The mask file of a photo, or None; its ending may be in capitals."""
-    path = Path(photo).with_suffix(ENDING)
-    # Whatever it is: a link that leads nowhere is said, and not passed over.
-    if os.path.lexists(path):
-        return path
-    with contextlib.suppress(OSError), os.scandir(path.parent) as entries:
-        for entry in entries:
-            named = is_mask(entry.name) and masked(entry.name) == Path(photo).stem
-            if named:
-                return path.with_name(entry.name)
-    return None
+    return file_beside(photo, ENDING)
 
 
 def with_mask(photo: Photo, given: Array32 | None = None) -> Photo | PhotoFailure:

@@ -90,12 +90,6 @@ def read_photo(
         )
     if pixels is None:
         return damaged(name)
-    if pixels.dtype not in (np.uint8, np.uint16):
-        return PhotoFailure(
-            name,
-            "unreadable",
-            f"{name} stores {pixels.dtype} samples; save it with 8 or 16 bits.",
-        )
     note = ""
     try:
         profile = embedded_profile(data, header.format)
@@ -162,6 +156,7 @@ def _from_array(array: np.ndarray, name: str, limits: Limits) -> Photo | PhotoFa
             "floats in [0, 1].",
         )
 
+    array = np.asarray(array)  # a matrix cannot have three axes
     if array.ndim == 2:
         array = array[..., None]
     if array.ndim != 3 or array.shape[2] not in (1, 3, 4):

@@ -73,6 +73,8 @@ class CandidateReader:
     ----------
     hashes : dict of str to str
         SHA-256 of each photo that was read: of its file, or of its pixels.
+    originals : dict of str to str
+        Of each photo that looks like one that was read before: the name of that one.
     """
 
     def __init__(
@@ -93,6 +95,7 @@ class CandidateReader:
         self.names: dict[str, str] = {}  # digest of the pixels -> first photo
         self.looks: list[tuple[str, Picture8]] = []  # of each photo, very small
         self.hashes: dict[str, str] = {}
+        self.originals: dict[str, str] = {}
 
     def read(
         self,
@@ -148,7 +151,10 @@ class CandidateReader:
         )
         first = next(same, None)
         self.looks.append((photo.name, look))
-        return [] if first is None else [f"looks like a copy of {first}"]
+        if first is None:
+            return []
+        self.originals[photo.name] = first
+        return [f"looks like a copy of {first}"]
 
     def _misplaced(self, photo: Photo, given: Landmarks) -> bool:
         """Whether landmarks of a file lie on no face that the detector sees."""

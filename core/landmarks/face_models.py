@@ -52,8 +52,9 @@ def model_folders(folder: str | os.PathLike | None = None) -> tuple[Path, ...]:
 def user_cache() -> Path:
     """The folder ``bsface`` in the user's cache, by the platform's custom."""
     home = Path(os.path.expanduser("~"))
-    if os.environ.get("XDG_CACHE_HOME"):
-        base = Path(os.environ["XDG_CACHE_HOME"])
+    given = os.environ.get("XDG_CACHE_HOME", "")
+    if os.path.isabs(given):  # others are to be ignored, by the XDG specification
+        base = Path(given)
     elif sys.platform == "win32":
         base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
     elif sys.platform == "darwin":

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import write_text
+from ..files import file_beside, write_text
 from ..kinds import expect, expect_paths, expect_whole
 
 SCHEME_SIZES = {"468": 468, "68": 68, "40": 40}
@@ -117,14 +117,12 @@ class Landmarks:
 
 
 def landmark_file_beside(photo: str | os.PathLike) -> Path | None:
-    """The landmark file of a photo: same folder, same name, ``.pts`` or ``.json``."""
-    photo = Path(photo)
-    for ending in LANDMARK_ENDINGS:
-        path = photo.with_suffix(ending)
-        # Whatever it is: a link that leads nowhere is said, and not passed over.
-        if os.path.lexists(path):
-            return path
-    return None
+    """The landmark file of a photo: same folder, same name, ``.pts`` or ``.json``.
+
+    The ending may be in capitals.
+    """
+    found = (file_beside(photo, ending) for ending in LANDMARK_ENDINGS)
+    return next(filter(None, found), None)
 
 
 def read_landmarks(

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import ReconstructionError
+from ..files import is_named_pipe
 from ..progress import Progress, Step
 from .facts import versions
 
@@ -54,6 +55,8 @@ def log_file(path: Path | None, about: str) -> Iterator[logging.Logger]:
         yield _PACKAGE
         return
     try:
+        if is_named_pipe(path):
+            raise OSError("it is no regular file")
         path.parent.mkdir(parents=True, exist_ok=True)
         # Names of files need not be text.
         handler = _Handler(path, "w", encoding="utf-8", errors="backslashreplace")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence, Set
 from pathlib import Path
 
 from ..errors import ReconstructionError
-from ..files import why_not_writable
+from ..files import is_named_pipe, why_not_writable
 from ..formats import WRITERS, ending
 from ..formats.mtl import ENDS, SIGNATURES, plain_stem
 from ..images.folder import is_video, scan_folder
@@ -66,7 +66,7 @@ def check_outputs(
             raise ValueError(f"{log}: give the log another name, such as run.log.")
         # A terminal or /dev/null is a place for a log.
         special = os.path.exists(log) and not os.path.isfile(log)
-        if os.path.isdir(log) or not special:
+        if os.path.isdir(log) or is_named_pipe(log) or not special:
             asked.append((log, (Path(log),)))
     inputs = _inputs(photos, recursive) if photos else []
     kept, beside = _identities(inputs), _names_beside(inputs)
@@ -171,7 +171,11 @@ def _names_beside(inputs: Sequence[Path]) -> frozenset[tuple[str, str]]:
     """Folder and name of the landmark and mask files that photos may have."""
     found = set()
     for path in inputs:
-        if is_video(path) or is_mask(path.name) or path.suffix in LANDMARK_ENDINGS:
+        if (
+            is_video(path)
+            or is_mask(path.name)
+            or path.suffix.lower() in LANDMARK_ENDINGS
+        ):
             continue
         folder = os.path.realpath(path.parent)
         for end in (*LANDMARK_ENDINGS, MASK_ENDING):

@@ -169,15 +169,14 @@ def expression_of(
         # From the median down to the final width, or a far start never settles.
         width = max(STILL_MM, float(np.median(away)))
         place = fit_similarity(source, target, 1 / (1 + (away / width) ** 2))
-    variance = _expression_variance(template, neutral.shape)
+    variance = _expression_variance(template, neutral)
     share = variance / (variance + DRIFT_MM**2)
     return share[..., None] * (place(source) - target).reshape(*neutral.shape, 3)
 
 
-def _expression_variance(template: Template, shape: tuple[int, int]) -> Array:
+def _expression_variance(template: Template, surface: BSplineSurface) -> Array:
     """Variance of the expressions where each control point acts, mm^2, ``(M, N)``."""
     # The outermost control points act on the border.
-    u, v = (np.clip((np.arange(n) - 1) / (n - 3), 0, 1) for n in shape)
-    at = np.stack(np.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
-    offsets = expression_offsets(template, at, len(template.expression_modes))
-    return (offsets**2).sum((1, 2)).reshape(shape)
+    count = len(template.expression_modes)
+    offsets = expression_offsets(template, surface.greville, count)
+    return (offsets**2).sum((1, 2)).reshape(surface.shape)

@@ -33,7 +33,7 @@ def landmark_deviation(problem: Problem, estimate: FaceEstimate) -> Array:
         Of the motion stage.
     """
     seen, prior, surface = problem.landmarks, problem.prior, estimate.surface
-    options = MotionOptions.from_settings(problem.settings, problem.distance_mm)
+    options = MotionOptions.of(problem)
     model = LandmarkModel.of(problem.template, prior, seen, options)
     expressions = estimate.expressions[:, : model.E.shape[2]]
     moved = estimate.landmarks_xyz - model.start

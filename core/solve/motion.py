@@ -59,6 +59,11 @@ class MotionOptions:
             expression=1.0 if settings.expressions else 0.0,
         )
 
+    @classmethod
+    def of(cls, problem: Problem) -> MotionOptions:
+        """The options that a problem means, at the size of its template."""
+        return cls.from_settings(problem.settings, problem.distance_mm)
+
     def sigma(self, template: Template, index: Indices) -> Array:
         """Standard deviation of the landmarks in one photo, mm, ``(f,)``."""
         return np.hypot(template.landmark_sigma[index], self.noise_mm)
@@ -79,7 +84,7 @@ def motion(
     ReconstructionError
         When the landmarks of a photo leave its pose open.
     """
-    options = MotionOptions.from_settings(problem.settings, problem.distance_mm)
+    options = MotionOptions.of(problem)
     cameras = initial_cameras(problem.template, problem.landmarks, options.camera)
     yield from estimate_motion(
         problem.template,

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import ReconstructionError
 from ..surface.alignment import fit_similarity
-from ..surface.bspline import BSplineSurface
+from ..surface.bspline import BSplineSurface, grid_parameters
 from ..surface.template import Template
 
 # Side of the grid of points that are looked at.
@@ -105,8 +105,7 @@ def measure_surface(surface: BSplineSurface, template: Template) -> SurfaceMeasu
         return SurfaceMeasures(*[np.inf] * 5)
     move = fit_similarity(found, there)
     aligned = surface.transformed(move.scale, move.R, move.t)
-    x = np.linspace(0, 1, _GRID)
-    uv = np.stack(np.meshgrid(x, x, indexing="ij"), -1).reshape(-1, 2)
+    uv = np.stack(grid_parameters(_GRID, _GRID), 1)
     uv = uv[template.is_skin(uv)]
     cosine = (aligned.normals(*uv.T) * home.normals(*uv.T)).sum(1)
     grids = aligned.grid(_GRID, _GRID), home.grid(_GRID, _GRID)

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import sparse
 
 from .._types import Array
-from ..kinds import real_numbers
+from ..kinds import expect, real_numbers
 from .bspline import BSplineSurface, net_shape, segment_basis
 
 #: Points of the coarse net: few enough to model with, enough for brows, nose and lips.
@@ -166,6 +166,7 @@ def mirrored_edit(before: Array, after: Array, side: str | None = None) -> Array
 
 
 def _check(surface: BSplineSurface, shape: tuple[int, int]) -> None:
+    expect(BSplineSurface, "a BSplineSurface", surface=surface)
     if min(shape) < 4 or shape[0] > surface.shape[0] or shape[1] > surface.shape[1]:
         raise ValueError(
             f"a coarse net needs 4 to {surface.shape[0]} x {surface.shape[1]} points, "

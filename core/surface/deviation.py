@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._types import Array, Indices
-from ..kinds import expect_whole, real_numbers
+from ..kinds import expect, expect_whole, real_numbers
 from .bspline import BSplineSurface
 from .template import inside_polygon
 
@@ -68,6 +68,7 @@ def deviation(
     most : int
         Of more points, every k-th in their order is measured.
     """
+    expect(BSplineSurface, "a BSplineSurface", surface=surface)
     expect_whole(1, 10**9, most=most)
     q = real_numbers(points, "points")
     if q.ndim != 2 or q.shape[1] != 3 or not len(q) or not np.isfinite(q).all():

@@ -30,6 +30,8 @@ def test_same_light():
 def test_few_photos():
     assert "one photo" in shortcomings(ALL_SIDES[:1])[0]
     assert "Only 3 photos" in shortcomings(ALL_SIDES[:3], VARIED)[0]
+    assert "Only 2 different photos" in shortcomings(ALL_SIDES[:3], copies=1)[0]
+    assert "one photo" in shortcomings(ALL_SIDES[:3], copies=2)[0]
 
 
 @pytest.mark.parametrize("count", range(7))

@@ -5,6 +5,7 @@ import pytest
 from bsface import formats
 from bsface.errors import ReconstructionError
 from bsface.formats.curves import curve_on_surface, landmark_path
+from bsface.formats.exchange import edge_in_space, open_curve
 from bsface.formats.mesh import write_mesh_obj, write_mesh_ply
 from bsface.formats.mesh_reader import read_mesh_vertices
 from bsface.formats.printing import write_stl
@@ -104,6 +105,17 @@ def test_curve_lies_on_the_surface_and_goes_through_its_points(closed):
         assert np.linalg.norm(dense - point, axis=1).min() < 0.05
     ends = curve.control_points[[0, -1]]
     assert bool((ends[0] == ends[1]).all()) is closed
+
+
+def test_curve_on_a_large_surface_keeps_its_tolerance():
+    large = face_surface(nose=6.0).transformed(1e4)
+    flat = open_curve(np.linspace(0, 1, len(RING)), RING)
+    t = np.linspace(0, 1, 9999)
+    on = large.evaluate(flat(t)[:, 0], 1 - flat(t)[:, 1])
+    edge = edge_in_space(large, flat, open_curve)
+    assert np.linalg.norm(edge(t) - on, axis=1).max() < 2e-4
+    with pytest.raises(ValueError, match="size of the face"):
+        edge_in_space(large, flat, open_curve, most_points=100)
 
 
 def test_curve_between_landmarks():

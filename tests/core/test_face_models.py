@@ -38,6 +38,8 @@ def test_search_order_of_models(tmp_path, monkeypatch):
     assert find_models().mesh.parent == tmp_path / "env"
     (tmp_path / "env" / face_models.RECOGNITION_FILE).unlink()
     assert find_models().mesh.parent != tmp_path / "env"
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert user_cache().is_absolute()
 
 
 @pytest.mark.parametrize(

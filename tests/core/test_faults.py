@@ -7,6 +7,7 @@ import gc
 import importlib.util
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from bsface import files
+from bsface.batch.processes import hangup_held_back
 from bsface.cli.stopping import stoppable
 from bsface.errors import Cancelled, ReconstructionError, out_of_memory
 from bsface.files import replacing, write_bytes
@@ -173,6 +175,17 @@ def test_other_threads_leave_signals_alone():
     thread.start()
     thread.join()
     assert inside == [signal.getsignal(signal.SIGTERM)]
+
+
+@needs_signals
+def test_what_starts_while_hangups_are_held_back_outlives_them():
+    """As Python's tracker of semaphores must, when the terminal of a batch closes."""
+    with hangup_held_back():
+        process = subprocess.Popen(["cat"], stdin=subprocess.PIPE)
+    process.send_signal(signal.SIGHUP)
+    process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert signal.SIGHUP not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 @needs_signals

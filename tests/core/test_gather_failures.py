@@ -87,6 +87,9 @@ def test_no_usable_photo_is_told_with_the_reasons(models, folder):
     ]
     with pytest.raises(ReconstructionError, match="1 set aside.*in 1.png"):
         collect_photos(folder, inputs=Inputs(ignore=("0.png",)))
+    every = ("0.png", "1.png", "2.png", "text.jpg")
+    with pytest.raises(ReconstructionError, match="All 4 photos are set aside; leave"):
+        collect_photos(folder, inputs=Inputs(ignore=every))
 
 
 def test_missing_models_end_the_job_with_the_remedy(tmp_path, monkeypatch, picture):
@@ -142,6 +145,9 @@ def test_a_copy_of_another_size_or_quality_gets_a_doubt(folder, picture):
     notes = {marks.photo: marks.note for marks in found.landmarks}
     copy = "looks like a copy of a.png"
     assert notes == {"a.png": "", "b.jpg": copy, "c.png": copy, "d.png": ""}
+    assert found.copies == 2
+    # two copies of a photo that is left out are one photo
+    assert replace(found, photos=found.photos[1:3]).copies == 1
 
 
 def test_copies_given_as_arrays_get_a_doubt_too(picture):

@@ -125,8 +125,9 @@ def test_surface_comes_back(template):
     def last(begin, passes):
         levels = (Level(3.0, passes, 14, 6),)
         problem, estimate, reader = scene(template, prior, begin)
-        parts = JointParts(replace(options, levels=levels), reader, skin=())
-        *_, end = imls(problem, estimate, never_cancelled, parts)
+        parts = JointParts(reader, skin=())
+        passes = replace(options, levels=levels)
+        *_, end = imls(problem, estimate, never_cancelled, parts, passes)
         return end.estimate.surface
 
     assert relief(last(dome(), 2), dome(), uv) < 0.3
@@ -139,8 +140,9 @@ def test_iterations_are_those_of_the_table_of_methods(template, prior):
     problem, begin, reader = scene(template, prior, bumped(dome(), 8.0), 4)
     raised = replace(begin, landmarks_xyz=begin.landmarks_xyz + (0, 0, 2.0))
     levels = (Level(3.0, 1, 8, 2), Level(2.0, 2, 9, 2))
-    parts = JointParts(JointOptions(levels, max_step_mm=0.5), reader, skin=())
-    found = list(imls(problem, raised, never_cancelled, parts))
+    parts = JointParts(reader, skin=())
+    options = JointOptions(levels, max_step_mm=0.5)
+    found = list(imls(problem, raised, never_cancelled, parts, options))
     assert [one.stage for one in found] == ["shading", "motion"] * 3
     assert [(one.done, one.total) for one in found] == [(k, 6) for k in range(1, 7)]
     for one in found:
@@ -156,5 +158,5 @@ def test_iterations_are_those_of_the_table_of_methods(template, prior):
 
 
 def test_passes_follow_the_settings():
-    levels = schedule(Settings(outer_passes=2)).levels
+    levels = schedule(JointOptions.from_settings(Settings()), 2).levels
     assert [level.iterations for level in levels] == [4, 4, 6]

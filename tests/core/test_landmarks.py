@@ -103,6 +103,8 @@ def test_file_beside(tmp_path):
     assert landmark_file_beside(photo) == tmp_path / "me 1.json"
     (tmp_path / "me 1.pts").touch()
     assert landmark_file_beside(photo) == tmp_path / "me 1.pts"
+    (tmp_path / "me 1.pts").rename(tmp_path / "me 1.PTS")
+    assert landmark_file_beside(photo).name.lower() == "me 1.pts"
 
 
 # --- wrong files -------------------------------------------------------------

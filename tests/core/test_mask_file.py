@@ -67,6 +67,15 @@ def test_a_mask_is_found_by_its_name_and_is_no_photo(photo):
     assert scan.photos == (photo,) and not scan.passed_over and not scan.others
 
 
+def test_a_mask_of_a_few_pixels_is_not_judged_as_a_face(photo):
+    paint(photo, np.zeros((4, 4)))
+    found = with_mask(read_photo(photo))
+    assert found.reason == (
+        "me 1.mask.png has only 4 x 4 pixels and needs 32 on each side; use a larger "
+        "picture."
+    )
+
+
 @pytest.mark.parametrize("ending", [".MASK.PNG", ".Mask.png"])
 def test_a_mask_whose_ending_is_in_capitals_is_found(photo, ending):
     path = paint(photo, np.zeros((40, 60)))
@@ -85,11 +94,17 @@ def test_landmarks_and_mask_lie_beside_a_photo(photo):
     assert files_beside(photo) == (points, mask)
 
 
-def test_a_mask_without_a_photo_is_named(photo):
+def test_a_mask_or_landmark_file_without_a_photo_is_named(photo):
     paint(photo.with_name("you.jpg"), np.zeros((40, 60)))
     (passed_over,) = scan_folder(photo.parent).passed_over
     assert passed_over.name == "you.mask.png"
     assert passed_over.reason.startswith("you.mask.png is the mask of no photo")
+    for name in ("you.pts", "me 1.PTS"):
+        (photo.parent / name).touch()
+    _, landmarks = scan_folder(photo.parent).passed_over
+    assert landmarks.reason == (
+        "you.pts is the landmark file of no photo here; name it as its photo."
+    )
 
 
 @pytest.mark.parametrize("ending", [".mask.jpg", ".Mask.TIF"])

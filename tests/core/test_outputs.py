@@ -10,6 +10,7 @@ from bsface.cli.arguments import parse_settings
 from bsface.drawing.pictures import write_png
 from bsface.errors import PhotoFailure, ReconstructionError, one_line
 from bsface.files import (
+    is_named_pipe,
     is_temporary,
     replacing,
     temporary_folder,
@@ -124,11 +125,27 @@ def test_places_where_no_file_can_stand(tmp_path):
     assert "null" in why_not_writable(tmp_path / "a\0b.npz")
     os.mkfifo(tmp_path / "pipe.npz")
     assert "no regular file" in why_not_writable(tmp_path / "pipe.npz")
+    (tmp_path / "loop.npz").symlink_to("loop.npz")
+    assert "in a circle" in why_not_writable(tmp_path / "loop.npz")
     (tmp_path / "kept.npz").write_bytes(b"old")
     (tmp_path / "kept.npz").chmod(0o444)
     with as_ordinary_user():
         assert "write-protected" in why_not_writable(tmp_path / "kept.npz")
     check_outputs([], log="/dev/null")
+
+
+def test_a_log_waits_for_no_reader_of_a_pipe(tmp_path):
+    pipe = tmp_path / "run.log"
+    os.mkfifo(pipe)
+    with pytest.raises(ValueError, match=r"run\.log: is no regular file"):
+        check_outputs([], log=str(pipe))
+    with pytest.raises(ReconstructionError, match="no regular"), log_file(pipe, "test"):
+        pass
+    # a pipeline's
+    end, other = os.pipe()
+    assert not is_named_pipe(f"/proc/self/fd/{other}")
+    for handle in (end, other):
+        os.close(handle)
 
 
 def test_a_link_stays_and_what_it_leads_to_is_replaced(tmp_path):

@@ -188,7 +188,23 @@ def bad_files() -> dict[str, tuple[bytes, str, str]]:
         "float": (
             encoded(".tif", np.ones((40, 40, 3), np.float32)),
             "unreadable",
-            "8 or 16 bits",
+            "floating-point numbers of 16 bits",  # as LogLuv
+        ),
+        "grey float": (
+            encoded(".tif", np.ones((40, 40), np.float32)),
+            "unreadable",
+            "floating-point numbers of 32 bits",
+        ),
+        # OpenCV fails on these with an error of its own.
+        "double": (
+            encoded(".tif", np.ones((40, 40, 3), np.float64)),
+            "unreadable",
+            "floating-point numbers of 64 bits",
+        ),
+        "signed": (
+            encoded(".tif", np.ones((40, 40, 3), np.int16)),
+            "unreadable",
+            "signed numbers of 16 bits",
         ),
     }
 
@@ -276,6 +292,7 @@ def test_damaged_pictures_end_in_a_photo_or_a_sentence(tmp_path_factory, data):
 # --- arrays ------------------------------------------------------------------
 
 
+@pytest.mark.filterwarnings("ignore:the matrix subclass")
 def test_arrays_of_all_allowed_kinds():
     image = corners_picture()
     for array in (image, np.dstack([image, image[..., :1]]), image.astype(float) / 255):
@@ -283,7 +300,8 @@ def test_arrays_of_all_allowed_kinds():
         assert photo.path is None
         assert photo.size == (64, 48)
         np.testing.assert_array_equal(photo.bytes8(), image)
-    assert read_photo(image[..., 0], "p").pixels.shape == (48, 64, 3)
+    for grey in (image[..., 0], np.asmatrix(image[..., 0])):
+        assert read_photo(grey, "p").pixels.shape == (48, 64, 3)
     foreign = read_photo((image.astype(np.uint16) * 257).astype(">u2"), "p")
     np.testing.assert_array_equal(foreign.bytes8(), image)
 

@@ -25,10 +25,10 @@ class Level:
 def test_the_setting_comes_back_after_the_block_and_after_an_error():
     level = Level()
     quiet = WhileAnyone(level.change)
-    with quiet.held(), quiet.held():
+    with quiet(), quiet():
         assert level.value == 1
     assert (level.value, level.changes) == (4, 1)
-    with pytest.raises(KeyError), quiet.held():
+    with pytest.raises(KeyError), quiet():
         raise KeyError
     assert (level.value, level.changes) == (4, 2)
 
@@ -41,7 +41,7 @@ def test_blocks_of_two_threads_that_overlap(first_out):
     leave = [threading.Event(), threading.Event()]
 
     def hold(k):
-        with quiet.held():
+        with quiet():
             inside[k].set()
             leave[k].wait(10)
 

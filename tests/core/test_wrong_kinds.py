@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from bsface import Detail, ReconstructionError
 from bsface.formats import ExchangeCurve
+from bsface.formats.curves import curve_on_surface
 from bsface.photometry.lighting import PhotometricEvidence
 from bsface.rig.mesh import QuadMesh
 from bsface.surface.alignment import Similarity
-from bsface.surface.deviation import Deviation
+from bsface.surface.coarse import coarse_net
+from bsface.surface.deviation import Deviation, deviation
 from fake_face import painted_reconstruction
 
 PICTURE = np.zeros((40, 40, 3), np.uint8)
@@ -102,6 +104,9 @@ def test_methods_refuse_what_is_no_surface_and_no_place(good):
     face = good["track"]["face"]
     with pytest.raises(TypeError, match="surface must be a BSplineSurface, not int"):
         face.with_surface(3)
+    for function in (deviation, curve_on_surface, coarse_net):
+        with pytest.raises(TypeError, match="must be a BSplineSurface, not Recon"):
+            function(face, (12, 14))
     for place in (np.nan, np.inf, 1e300):
         with pytest.raises(ValueError, match="points must be finite places"):
             face.surface.closest_point([[0.0, 0.0, place]])

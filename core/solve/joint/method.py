@@ -34,6 +34,7 @@ def joint(
     estimate: FaceEstimate,
     check_cancelled: CheckCancelled = never_cancelled,
     parts: JointParts = JointParts(),  # noqa: B008 (frozen)
+    options: JointOptions | None = None,
 ) -> Iterator[Iteration]:
     """Refine an estimate by shading and motion together.
 
@@ -47,6 +48,8 @@ def joint(
         Called between the parts of a step; may raise `Cancelled`.
     parts : JointParts
         What is not as usual.
+    options : JointOptions, optional
+        By default those of the problem's settings.
 
     Yields
     ------
@@ -54,9 +57,7 @@ def joint(
         One per Gauss-Newton step; the last estimate carries the photometric evidence
         and the deviation of the control points.
     """
-    options = parts.options or JointOptions.from_settings(
-        problem.settings, problem.distance_mm
-    )
+    options = options or JointOptions.of(problem)
     work, start = begin(problem, estimate, options, parts, check_cancelled)
     steps = [level.iterations for level in options.levels]
     for one in refine(start, work, check_cancelled):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from ...camera.prior import SPREAD
+from ...problem import Problem
 from ...settings import Settings
 
 #: Factors on the finest blur and on the iterations, and grid, of each level.
@@ -93,14 +94,14 @@ class JointOptions:
     tolerance: float = 1e-4
 
     @classmethod
-    def from_settings(
-        cls, settings: Settings, distance_mm: float | None = None
-    ) -> JointOptions:
-        """The schedule and the weights that a user's settings ask for.
+    def of(cls, problem: Problem) -> JointOptions:
+        """The options that a problem means, at the size of its template."""
+        options = cls.from_settings(problem.settings)
+        return replace(options, distance_mm=problem.distance_mm)
 
-        ``distance_mm`` is that of the settings, unless the face has another size than
-        the result.
-        """
+    @classmethod
+    def from_settings(cls, settings: Settings) -> JointOptions:
+        """The schedule and the weights that a user's settings ask for."""
         last = len(SCHEDULE) - 1
         levels = tuple(
             Level(
@@ -120,5 +121,5 @@ class JointOptions:
             noise=settings.intensity_noise,
             independence=settings.independence,
             shadows=settings.shadows,
-            distance_mm=settings.distance_mm if distance_mm is None else distance_mm,
+            distance_mm=settings.distance_mm,
         )

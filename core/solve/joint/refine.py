@@ -51,8 +51,6 @@ class JointParts:
 
     Attributes
     ----------
-    options : JointOptions or None
-        None = those of the problem's settings.
     reader : callable
         Smooths a photo.
     visibility : callable
@@ -65,7 +63,6 @@ class JointParts:
         What of each photo is skin; empty = all of it, None = `skin_masks`.
     """
 
-    options: JointOptions | None = None
     reader: PictureReader = smooth_photo
     visibility: Visibility = view_weights
     shading: ShadingSolver | None = None

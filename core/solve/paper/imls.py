@@ -39,7 +39,6 @@ from scipy.linalg import cho_factor, cho_solve
 from ..._types import Array
 from ...problem import FaceEstimate, Iteration, Problem
 from ...progress import CheckCancelled, never_cancelled
-from ...settings import Settings
 from ..joint.banded import banded_cholesky, mirrored_order
 from ..joint.coarse_space import coarse_directions
 from ..joint.linearise import (
@@ -146,6 +145,7 @@ def imls(
     estimate: FaceEstimate,
     check_cancelled: CheckCancelled = never_cancelled,
     parts: JointParts = JointParts(),  # noqa: B008 (frozen)
+    options: JointOptions | None = None,
 ) -> Iterator[Iteration]:
     """Refine an estimate by shading and motion in turn.
 
@@ -158,7 +158,9 @@ def imls(
     check_cancelled : callable
         Called between the parts of a step; may raise `Cancelled`.
     parts : JointParts
-        What is not as usual; a level takes as many passes as it has iterations.
+        What is not as usual.
+    options : JointOptions, optional
+        A level takes as many passes as it has iterations; by default `schedule`.
 
     Yields
     ------
@@ -166,7 +168,9 @@ def imls(
         Two per pass, "shading" and "motion"; the last one carries the photometric
         evidence.
     """
-    options = parts.options or schedule(problem.settings, problem.distance_mm)
+    options = options or schedule(
+        JointOptions.of(problem), problem.settings.outer_passes
+    )
     work, state = begin(problem, estimate, options, parts, check_cancelled)
     done, total = 0, 2 * sum(level.iterations for level in options.levels)
     for number, level in enumerate(options.levels):
@@ -209,14 +213,10 @@ def imls(
             yield Iteration("motion", found, rms, size, done, total)
 
 
-def schedule(settings: Settings, distance_mm: float | None = None) -> JointOptions:
-    """Blurs, weights and passes that a user's settings ask for.
-
-    ``distance_mm`` as in `JointOptions.from_settings`.
-    """
-    options = JointOptions.from_settings(settings, distance_mm)
+def schedule(options: JointOptions, passes: int) -> JointOptions:
+    """The same blurs and weights, with ``passes`` times `PASSES` at each blur."""
     levels = tuple(
-        level._replace(iterations=times * settings.outer_passes)
+        level._replace(iterations=times * passes)
         for level, times in zip(options.levels, PASSES, strict=True)
     )
     return replace(options, levels=levels)

@@ -5,12 +5,16 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from bsface import Constraint
+from bsface.__main__ import main
 from bsface.errors import Cancelled, ReconstructionError
 from bsface.files import is_temporary
 from command_line import QUICK, run
-from fake_face import painted_reconstruction
+from fake_face import bare_reconstruction, painted_reconstruction
 from json_schema import RESULT_SCHEMA as SCHEMA
 from json_schema import problems
 from needs import needs_permissions, needs_signals
@@ -230,11 +234,45 @@ def test_stopped_from_outside(photos, tmp_path, stop):
     assert out.read_bytes() == b"the old one"
 
 
-def test_a_start_keeps_its_net(capsys, photos, tmp_path):
-    start = painted_reconstruction(count=2, side=60).save(tmp_path / "start.npz")
-    words = ["--start", start, "--set", "control_points=30,31"]
-    code, _, said = run(capsys, photos, "-o", tmp_path / "a.npz", *words)
-    assert code == 2 and "control points, which --start keeps" in said
+def test_the_face_file_is_written_before_an_export_that_fails(capsys, tmp_path):
+    """The sentence can then be followed, by `bsface export`."""
+    face = bare_reconstruction()
+    tiny = face.with_surface(face.surface.transformed(1 / 62))
+    solid, kept = tmp_path / "a.stl", tmp_path / "a.npz"
+    words = ["x", "-o", str(solid), "-o", str(kept), "-q"]
+    assert main(words, lambda *_, **__: tiny) == 1
+    said = capsys.readouterr().err
+    assert said.startswith(f"{kept} written\nbsface: {solid}: the inside of the solid")
+    assert os.listdir(tmp_path) == ["a.npz"]
+
+
+def test_a_start_keeps_its_net_and_the_size_of_what_it_holds(capsys, photos, tmp_path):
+    face = bare_reconstruction()
+    held = Constraint(np.ones(face.surface.shape, bool))
+    start = replace(face, constraint=held).save(tmp_path / "start.npz")
+    for word, sentence in (
+        ("control_points=30,31", "control points, which --start keeps"),
+        ("eye_distance_mm=70", "a face with 62 mm between the eyes"),
+    ):
+        asked = ["--start", start, "--set", word]
+        code, _, said = run(capsys, photos, "-o", tmp_path / "a.npz", *asked)
+        assert code == 2 and sentence in said
+
+
+def test_a_start_keeps_its_size_unless_another_is_asked_for(tmp_path):
+    """Not the usual one: points that it holds would stand in a face of another size."""
+    face = bare_reconstruction()
+    sized = replace(face, settings=replace(face.settings, eye_distance_mm=70.0))
+    words = ["x", "-o", str(tmp_path / "a.npz"), "-q"]
+    words += ["--start", str(sized.save(tmp_path / "start.npz"))]
+    given = []
+
+    def stop(photos, settings, **others):
+        given.append(settings.eye_distance_mm)
+        raise Cancelled
+
+    assert main(words, stop) == main([*words, "--set=eye_distance_mm=64"], stop) == 130
+    assert given == [70.0, 64.0]
 
 
 def test_the_face_that_a_run_starts_from_is_not_written_over(capsys, photos, tmp_path):

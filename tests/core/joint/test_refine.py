@@ -72,8 +72,9 @@ def test_method_yields_estimates_of_the_face(template, prior):
     problem, begin = start(template, prior, plane(), views)
     raised = replace(begin, landmarks_xyz=begin.landmarks_xyz + (0, 0, 2.0))
     levels = (Level(3.0, 3, 8, 2, settled_mm=1e9), Level(2.0, 2, 9, 2))
-    parts = JointParts(JointOptions(levels), given(pictures), skin=())
-    found = list(joint(problem, raised, never_cancelled, parts))
+    parts = JointParts(given(pictures), skin=())
+    options = JointOptions(levels)
+    found = list(joint(problem, raised, never_cancelled, parts, options))
     assert [(one.stage, one.done, one.total) for one in found] == [
         ("refine", 1, 5),
         ("refine", 4, 5),
@@ -100,7 +101,7 @@ def test_cancelled_between_the_parts_of_a_step(template, prior):
     views, pictures = cameras(), [wave(k) for k in range(PHOTOS)]
     problem, begin = start(template, prior, plane(), views)
     options = JointOptions((Level(3.0, 2, 8, 2),))
-    parts = JointParts(options, given(pictures), skin=())
+    parts = JointParts(given(pictures), skin=())
 
     class Stopped(Exception):
         pass
@@ -115,7 +116,7 @@ def test_cancelled_between_the_parts_of_a_step(template, prior):
         return check_cancelled
 
     for call in range(PHOTOS + 7):
-        run = joint(problem, begin, stop_at(call), parts)
+        run = joint(problem, begin, stop_at(call), parts, options)
         with pytest.raises(Stopped):
             next(run)
 
