@@ -188,7 +188,7 @@ def bad_files() -> dict[str, tuple[bytes, str, str]]:
         "float": (
             encoded(".tif", np.ones((40, 40, 3), np.float32)),
             "unreadable",
-            "floating-point numbers of 16 bits",  # as LogLuv
+            "floating-point numbers of",  # 16 bits (LogLuv) by older versions of OpenCV
         ),
         "grey float": (
             encoded(".tif", np.ones((40, 40), np.float32)),
