@@ -142,10 +142,13 @@ def file_beside(path: str | os.PathLike, ending: str) -> Path | None:
     if os.path.lexists(wanted):
         return wanted
     stem = Path(path).stem
-    with contextlib.suppress(OSError), os.scandir(wanted.parent) as entries:
-        for name in sorted(entry.name for entry in entries):
-            if name[: -len(ending)] == stem and name.lower().endswith(ending):
-                return wanted.with_name(name)
+    with contextlib.suppress(OSError):
+        found = [
+            name
+            for name in os.listdir(wanted.parent)
+            if name[: -len(ending)] == stem and name.lower().endswith(ending)
+        ]
+        return wanted.with_name(min(found)) if found else None
     return None
 
 
